@@ -1,0 +1,43 @@
+"""What goes into and comes out of the position controller. Flat records of floats: plain CPython and numba both take them.
+
+Frames: local NED, body FRD, quaternion scalar first, body to NED. SI units.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Odometry(NamedTuple):
+    """Pose and velocity of the vehicle at one instant, as the autopilot estimates them."""
+
+    time_s: float  # autopilot's clock, since its boot
+    x_m: float
+    y_m: float
+    z_m: float  # down
+    vx_m_s: float
+    vy_m_s: float
+    vz_m_s: float
+    qw: float
+    qx: float
+    qy: float
+    qz: float
+
+
+class Command(NamedTuple):
+    """Where to go, in local NED."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+
+
+class AttitudeSetpoint(NamedTuple):
+    """Desired attitude (body to NED) and normalised collective thrust, 0 to 1."""
+
+    qw: float
+    qx: float
+    qy: float
+    qz: float
+    thrust: float

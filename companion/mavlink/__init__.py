@@ -1,0 +1,1 @@
+"""MAVLink: bytes on a link to typed values and back. Nothing above this package touches a socket or a tty."""

@@ -1,0 +1,1 @@
+"""The plant: vehicle models and a PX4-like autopilot that speaks MAVLink."""

@@ -1,0 +1,95 @@
+"""Closed-loop attitude: the paper's cascade (7) on the rotational dynamics, or a given linear response in its place.
+
+Pure steps over flat records, as in `companion.control`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from companion.control.reference_model import propagate, transition
+
+
+class Response(NamedTuple):
+    """A linear response from angle set-point to angle, DC gain one.
+
+    `natural_frequency_rad_s` > 0 makes it second order; otherwise it is first order with `bandwidth_rad_s` (M of (18)).
+    """
+
+    bandwidth_rad_s: float
+    natural_frequency_rad_s: float
+    damping_ratio: float
+
+
+def respond(params: Response, angle_rad: float, rate_rad_s: float, wanted_rad: float, dt_s: float) -> tuple[float, float]:
+    """Angle and rate one step later, exactly, for a set-point held over the step."""
+    if params.natural_frequency_rad_s > 0.0:
+        over = transition(params.natural_frequency_rad_s, params.damping_ratio, dt_s)
+        drive = params.natural_frequency_rad_s * params.natural_frequency_rad_s * wanted_rad
+        return propagate(over, angle_rad, rate_rad_s, drive)
+    angle = wanted_rad + (angle_rad - wanted_rad) * math.exp(-params.bandwidth_rad_s * dt_s)
+    return angle, params.bandwidth_rad_s * (wanted_rad - angle)
+
+
+class RateGains(NamedTuple):
+    """PI_R and D_R of (7) for one axis, over the inertia: the output is an angular acceleration."""
+
+    proportional_1_s: float
+    integral_1_s2: float
+    derivative: float
+    filter_bandwidth_rad_s: float
+    integral_limit_rad_s2: float
+
+
+class RateState(NamedTuple):
+    """Integrator (rad/s²) and the derivative filter's low-pass (rad/s)."""
+
+    integral_rad_s2: float
+    filtered_rad_s: float
+
+
+def rate_step(
+    gains: RateGains, state: RateState, wanted_rad_s: float, rate_rad_s: float, dt_s: float
+) -> tuple[RateState, float]:
+    """Angular acceleration of (7) for one axis: ``PI_R(s)(wanted - ω) - D_R(s) ω``."""
+    error = wanted_rad_s - rate_rad_s
+    integral = state.integral_rad_s2 + dt_s * gains.integral_1_s2 * error
+    integral = min(max(integral, -gains.integral_limit_rad_s2), gains.integral_limit_rad_s2)
+    blend = 1.0 - math.exp(-gains.filter_bandwidth_rad_s * dt_s)
+    filtered = state.filtered_rad_s + blend * (rate_rad_s - state.filtered_rad_s)
+    derivative = gains.derivative * gains.filter_bandwidth_rad_s * (rate_rad_s - filtered)
+    return RateState(integral, filtered), gains.proportional_1_s * error + integral - derivative
+
+
+class AngleGains(NamedTuple):
+    """Linearised gains of the attitude loop about each body axis."""
+
+    roll_1_s: float
+    pitch_1_s: float
+    yaw_1_s: float
+
+
+def wanted_rates(
+    gains: AngleGains,
+    wanted: tuple[float, float, float, float],
+    actual: tuple[float, float, float, float],
+) -> tuple[float, float, float]:
+    """γ_R of (7), the body rates that turn `actual` towards `wanted` (quaternions, scalar first).
+
+    ``-½ S⁻¹(K E - Eᵀ K)`` with ``E = R_dᵀ R``. For small errors its gain about one axis is the mean of the K of the other
+    two, so K is chosen such that the gains come out as given.
+    """
+    k1 = gains.pitch_1_s + gains.yaw_1_s - gains.roll_1_s
+    k2 = gains.roll_1_s + gains.yaw_1_s - gains.pitch_1_s
+    k3 = gains.roll_1_s + gains.pitch_1_s - gains.yaw_1_s
+    aw, ax, ay, az = wanted
+    bw, bx, by, bz = actual
+    w = aw * bw + ax * bx + ay * by + az * bz  # conj(wanted) * actual
+    x = aw * bx - ax * bw - ay * bz + az * by
+    y = aw * by + ax * bz - ay * bw - az * bx
+    z = aw * bz - ax * by + ay * bx - az * bw
+    e32, e23 = 2.0 * (y * z + w * x), 2.0 * (y * z - w * x)
+    e13, e31 = 2.0 * (x * z + w * y), 2.0 * (x * z - w * y)
+    e21, e12 = 2.0 * (x * y + w * z), 2.0 * (x * y - w * z)
+    return -0.5 * (k3 * e32 - k2 * e23), -0.5 * (k1 * e13 - k3 * e31), -0.5 * (k2 * e21 - k1 * e12)
