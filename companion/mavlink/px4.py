@@ -1,0 +1,91 @@
+"""PX4's words in MAVLink: flight modes, the commands we send, and what its state messages mean.
+
+Source: PX4 `px4_custom_mode.h`; https://mavlink.io/en/messages/common.html and development.html (CURRENT_MODE).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import development as mavlink
+
+AUTOPILOT_COMPONENT: Final = 1
+COMPANION_COMPONENT: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # 191
+ATTITUDE_TYPE_MASK: Final = 0x07  # ignore the body rates only; the throttle-ignore bit would mean zero thrust
+
+_MAIN_AUTO = 4
+
+
+class Mode(IntEnum):
+    """PX4 flight modes as `custom_mode` of HEARTBEAT and CURRENT_MODE: main mode << 16, sub mode << 24."""
+
+    MANUAL = 1 << 16
+    ALTITUDE = 2 << 16
+    POSITION = 3 << 16
+    ACRO = 5 << 16
+    OFFBOARD = 6 << 16
+    STABILIZED = 7 << 16
+    TAKEOFF = _MAIN_AUTO << 16 | 2 << 24
+    HOLD = _MAIN_AUTO << 16 | 3 << 24
+    MISSION = _MAIN_AUTO << 16 | 4 << 24
+    RETURN = _MAIN_AUTO << 16 | 5 << 24
+    LAND = _MAIN_AUTO << 16 | 6 << 24
+    DESCEND = 11 << 16
+    TERMINATION = 10 << 16
+
+
+def mode_name(custom_mode: int) -> str:
+    """Name for a person; the number where PX4 has a mode we have no name for."""
+    try:
+        return Mode(custom_mode).name.capitalize()
+    except ValueError:
+        return f"mode {custom_mode >> 16 & 0xFF}.{custom_mode >> 24 & 0xFF}"
+
+
+class Result(IntEnum):
+    """MAV_RESULT of COMMAND_ACK."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+
+
+def command(system_id: int, component_id: int, number: int, *params: float) -> Any:
+    """A COMMAND_LONG to the vehicle; parameters left out are zero."""
+    padded = (*params, *([0.0] * (7 - len(params))))
+    return mavlink.MAVLink_command_long_message(system_id, component_id, number, 0, *padded)
+
+
+def set_mode(system_id: int, component_id: int, mode: Mode) -> Any:
+    """DO_SET_MODE with PX4's custom mode in its main and sub parts."""
+    return command(
+        system_id,
+        component_id,
+        mavlink.MAV_CMD_DO_SET_MODE,
+        mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+        mode >> 16 & 0xFF,
+        mode >> 24 & 0xFF,
+    )
+
+
+def message_interval(system_id: int, component_id: int, message_id: int, rate_hz: float) -> Any:
+    """SET_MESSAGE_INTERVAL; a rate of zero asks for the vehicle's default."""
+    interval_us = 1e6 / rate_hz if rate_hz > 0 else 0.0
+    return command(system_id, component_id, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
+
+
+def arm(system_id: int, component_id: int) -> Any:
+    """Arm, with PX4's checks: never the forced form."""
+    return command(system_id, component_id, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+
+
+def heartbeat(status: int) -> Any:
+    """The companion's own heartbeat: an onboard controller that is no autopilot."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, status, 3
+    )

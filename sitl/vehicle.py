@@ -1,0 +1,148 @@
+"""The plant as the autopilot sees it: an attitude set-point and a thrust in, a pose out, one physics step at a time."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple, Protocol
+
+from sitl import quadrotor, rig
+from sitl.attitude_loop import RateState
+
+Quaternion = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+
+
+class VehicleState(NamedTuple):
+    """Truth at one instant. Local NED, body FRD, quaternion scalar first, body to NED."""
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    q_wxyz: Quaternion
+    rates_frd_rad_s: Vector
+    specific_force_frd_m_s2: Vector
+
+
+class Vehicle(Protocol):
+    """What the autopilot flies."""
+
+    hover_thrust: float
+    can_fly: bool  # False for a rig on guides: it neither takes off nor lands
+
+    @property
+    def state(self) -> VehicleState:
+        """Truth now."""
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        """Advance by `dt_s` under an attitude set-point and a normalised thrust."""
+
+    def on_ground(self) -> bool:
+        """Whether the landing gear carries the weight."""
+
+
+class _Delay:
+    """Set-points as they come out of a transport delay of a whole number of physics steps."""
+
+    def __init__(self, delay_s: float, dt_s: float) -> None:
+        self._queue: deque[tuple[Quaternion, float]] = deque()
+        self._steps = round(delay_s / dt_s)
+
+    def through(self, q_wxyz: Quaternion, thrust: float) -> tuple[Quaternion, float]:
+        if not self._steps:
+            return q_wxyz, thrust
+        self._queue.append((q_wxyz, thrust))
+        return self._queue.popleft() if len(self._queue) > self._steps else self._queue[0]
+
+
+class Rig:
+    """The ANT-X rig: north along the guide, pitch free, everything else held."""
+
+    can_fly = False
+
+    def __init__(self, params: rig.RigParams, hover_thrust: float, delay_s: float = 0.0, dt_s: float = 1e-3) -> None:
+        self.hover_thrust = hover_thrust
+        self._params = params
+        self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
+        self._delay = _Delay(delay_s, dt_s)
+        self._thrust_ratio = 0.0
+
+    @property
+    def state(self) -> VehicleState:
+        s = self._state
+        half = 0.5 * s.pitch_rad
+        return VehicleState(
+            (s.position_m, 0.0, 0.0),
+            (s.velocity_m_s, 0.0, 0.0),
+            (math.cos(half), 0.0, math.sin(half), 0.0),
+            (0.0, s.pitch_rate_rad_s, 0.0),
+            (0.0, 0.0, -rig.GRAVITY_M_S2 * self._thrust_ratio),
+        )
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        """Only the pitch of the set-point reaches the rig. Without thrust nothing turns it: it stays as it is."""
+        (w, x, y, z), thrust = self._delay.through(q_wxyz, thrust)
+        self._thrust_ratio = thrust / self.hover_thrust
+        if thrust <= 0.0:
+            self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0)
+            return
+        pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
+        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s)
+
+    def on_ground(self) -> bool:
+        return False
+
+
+class Quadrotor:
+    """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it."""
+
+    can_fly = True
+
+    def __init__(
+        self, params: quadrotor.QuadrotorParams, hover_thrust: float, delay_s: float = 0.0, dt_s: float = 1e-3
+    ) -> None:
+        self.hover_thrust = hover_thrust
+        self._params = params
+        self._full_thrust_n = params.mass_kg * quadrotor.GRAVITY_M_S2 / hover_thrust
+        self._thrust_n = 0.0
+        rest = RateState(0.0, 0.0)
+        self._state = quadrotor.QuadrotorState(
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rest, rest, rest
+        )
+        self._delay = _Delay(delay_s, dt_s)
+
+    @property
+    def state(self) -> VehicleState:
+        s = self._state
+        return VehicleState(
+            (s.x_m, s.y_m, s.z_m),
+            (s.vx_m_s, s.vy_m_s, s.vz_m_s),
+            (s.qw, s.qx, s.qy, s.qz),
+            (s.p_rad_s, s.q_rad_s, s.r_rad_s),
+            (0.0, 0.0, -self._thrust_n / self._params.mass_kg),
+        )
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
+        self._thrust_n = thrust * self._full_thrust_n
+        if self.on_ground():
+            if self._thrust_n <= self._params.mass_kg * quadrotor.GRAVITY_M_S2:
+                self._rest()
+                return
+            _, _, yaw = quadrotor.euler(*q_wxyz)
+            q_wxyz = quadrotor.quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
+        self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s)
+        if self._state.z_m > 0.0:
+            self._state = self._state._replace(z_m=0.0)
+            self._rest()
+
+    def _rest(self) -> None:
+        s = self._state
+        _, _, yaw = quadrotor.euler(s.qw, s.qx, s.qy, s.qz)
+        qw, qx, qy, qz = quadrotor.quaternion(0.0, 0.0, yaw)
+        rest = RateState(0.0, 0.0)
+        self._state = quadrotor.QuadrotorState(
+            s.x_m, s.y_m, s.z_m, 0.0, 0.0, 0.0, qw, qx, qy, qz, 0.0, 0.0, 0.0, rest, rest, rest
+        )
+
+    def on_ground(self) -> bool:
+        return self._state.z_m >= -1e-4
