@@ -22,7 +22,9 @@ class Response(NamedTuple):
     damping_ratio: float
 
 
-def respond(params: Response, angle_rad: float, rate_rad_s: float, wanted_rad: float, dt_s: float) -> tuple[float, float]:
+def respond(
+    params: Response, angle_rad: float, rate_rad_s: float, wanted_rad: float, dt_s: float
+) -> tuple[float, float]:
     """Angle and rate one step later, exactly, for a set-point held over the step."""
     if params.natural_frequency_rad_s > 0.0:
         over = transition(params.natural_frequency_rad_s, params.damping_ratio, dt_s)
@@ -77,8 +79,8 @@ def wanted_rates(
 ) -> tuple[float, float, float]:
     """γ_R of (7), the body rates that turn `actual` towards `wanted` (quaternions, scalar first).
 
-    ``-½ S⁻¹(K E - Eᵀ K)`` with ``E = R_dᵀ R``. For small errors its gain about one axis is the mean of the K of the other
-    two, so K is chosen such that the gains come out as given.
+    ``-½ S⁻¹(K E - Eᵀ K)`` with ``E = R_dᵀ R``. For small errors its gain about one axis is the mean of the K of the
+    other two, so K is chosen such that the gains come out as given.
     """
     k1 = gains.pitch_1_s + gains.yaw_1_s - gains.roll_1_s
     k2 = gains.roll_1_s + gains.yaw_1_s - gains.pitch_1_s

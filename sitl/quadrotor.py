@@ -97,7 +97,7 @@ def step(
     thrust_n: float,
     dt_s: float,
 ) -> QuadrotorState:
-    """The quadrotor `dt_s` later, for an attitude set-point (scalar first) and a collective thrust held over the step."""
+    """The quadrotor `dt_s` later, under an attitude set-point (scalar first) and a collective thrust, both held."""
     roll_loop, pitch_loop, yaw_loop = state.roll_loop, state.pitch_loop, state.yaw_loop
     if params.cascade:
         actual = (state.qw, state.qx, state.qy, state.qz)

@@ -1,7 +1,7 @@
 """Attitude extraction (5)-(6): the attitude and the thrust that make a wanted force, and the way back.
 
-The paper's thrust points along +b3 with z up. In NED/FRD it points along -b3, so b3 is minus the direction of the force.
-Forces are specific forces over g in local NED.
+The paper's thrust points along +b3 with z up. In NED/FRD it points along -b3, so b3 is minus the direction of the
+force. Forces are specific forces over g in local NED.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def extract(force_x: float, force_y: float, force_z: float, yaw_rad: float) -> A
     norm = math.sqrt(yx * yx + yy * yy + yz * yz)
     yx, yy, yz = yx / norm, yy / norm, yz / norm
     xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx  # b2 x b3
-    # Columns are the body axes: R = [x y z]. Largest of the four squares first, so that no division is by a small number.
+    # Columns are the body axes, R = [x y z]. The largest of the four squares decides: no division by a small number.
     trace = xx + yy + zz
     if trace > 0.0:
         s = 2.0 * math.sqrt(1.0 + trace)

@@ -1,6 +1,6 @@
 """Model reference adaptive control of one horizontal axis, hedged or standard: (19)-(23).
 
-The plant of one axis is the double integrator ``ẋ = A x + B w`` with ``x = [position, velocity]``. Equation (15) has
+The plant of one axis is the double integrator ``ẋ = A x + B w``, ``x = [position, velocity]``. Equation (15) has
 ``B = [0, -g]`` for pitch and ``[0, g]`` for roll. Here ``w`` and ``u`` are the horizontal specific force over g, so that
 ``B = [0, g]`` on both axes and the nominal weights ``[ωn²/g, 2ζωn/g]`` are positive: for small angles ``w_x = -θ`` and
 ``w_y = φ``. (Equations (13)-(14) of the paper swap f_dx and f_dy; (15) is the consistent one and is followed.)
@@ -98,8 +98,8 @@ def step(
 ) -> tuple[AxisState, AxisOutput]:
     """One tick: move both references to now, adapt, and command.
 
-    The command u was held over the tick while the actuator output w moved; the hedge therefore takes the mean of w at its
-    two ends. Without hedging the reference is the ideal one.
+    The command u was held over the tick while the actuator output w moved; the hedge therefore takes the mean of w at
+    its two ends. Without hedging the reference is the ideal one.
     """
     stiffness = params.natural_frequency_rad_s * params.natural_frequency_rad_s
     over = transition(params.natural_frequency_rad_s, params.damping_ratio, dt_s)

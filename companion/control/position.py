@@ -75,10 +75,12 @@ def in_control_frame(
 
 
 def engage(
-    params: PositionParams, odometry: Odometry, yaw_rad: float, weights_x: tuple[float, float],
-    weights_y: tuple[float, float]
+    odometry: Odometry,
+    yaw_rad: float,
+    weights_x: tuple[float, float],
+    weights_y: tuple[float, float],
 ) -> PositionState:
-    """A bumpless start: anchor, references and integrators on the vehicle as it is, weights (position, velocity) as given."""
+    """A bumpless start: anchor, references and integrators on the vehicle as it is; weights are (position, velocity)."""
     now = in_control_frame(odometry, odometry.x_m, odometry.y_m, yaw_rad, 1.0)
     return PositionState(
         mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], now.wx),
@@ -103,9 +105,7 @@ def step(
         y, out_y, vertical, up = state.y, mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), state.altitude, 1.0
     else:
         y, out_y = mrac.step(params.y, state.y, now.y_m, now.vy_m_s, now.wy, c * east - s * north, dt_s)
-        vertical, up = altitude.step(
-            params.altitude, state.altitude, odometry.z_m, odometry.vz_m_s, command.z_m, dt_s
-        )
+        vertical, up = altitude.step(params.altitude, state.altitude, odometry.z_m, odometry.vz_m_s, command.z_m, dt_s)
     up_limited = min(max(up, params.thrust_min / params.hover_thrust), params.thrust_max / params.hover_thrust)
 
     along, across = out_x.control, out_y.control
@@ -116,9 +116,7 @@ def step(
     force_z = -math.sqrt(1.0 - along * along) if params.one_axis else -up_limited
     wanted_attitude = attitude.extract(c * along - s * across, s * along + c * across, force_z, command.yaw_rad)
     thrust = min(wanted_attitude.thrust * params.hover_thrust, params.thrust_max)
-    setpoint = AttitudeSetpoint(
-        wanted_attitude.qw, wanted_attitude.qx, wanted_attitude.qy, wanted_attitude.qz, thrust
-    )
+    setpoint = AttitudeSetpoint(wanted_attitude.qw, wanted_attitude.qx, wanted_attitude.qy, wanted_attitude.qz, thrust)
     limited = scale < 1.0 or up != up_limited
     next_state = PositionState(
         x, y, vertical, state.anchor_x_m, state.anchor_y_m, state.yaw_rad, thrust / params.hover_thrust

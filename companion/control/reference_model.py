@@ -1,6 +1,6 @@
 """Second-order reference model (19) and its hedged form (20), discretised exactly over one tick.
 
-Per axis: ``ẋ = A_r x + [0, 1]ᵀ a`` with ``A_r = [[0, 1], [-ωn², -2ζωn]]`` and ``x = [position, velocity]``. The ideal model
+Per axis: ``ẋ = A_r x + [0, 1]ᵀ a`` with ``A_r = [[0, 1], [-ωn², -2ζωn]]``, ``x = [position, velocity]``. The ideal model
 takes ``a = ωn² c``; the hedged one takes ``a = ωn² c + g (w - u)``.
 """
 
@@ -24,7 +24,7 @@ class Transition(NamedTuple):
 def transition(natural_frequency_rad_s: float, damping_ratio: float, dt_s: float) -> Transition:
     """Exact zero-order-hold discretisation, in closed form for every damping ratio.
 
-    With ``σ = ζωn``: ``exp(A_r t) = e^{-σt} (C I + S (A_r + σI))``, where C and S are cos and sin/ω below critical damping,
+    With ``σ = ζωn``: ``exp(A_r t) = e^{-σt} (C I + S (A_r + σI))``; C and S are cos and sin/ω below critical damping,
     cosh and sinh/ω above it, and 1 and t at it. ``Γ = A_r⁻¹ (Φ - I) [0, 1]ᵀ``.
     """
     stiffness = natural_frequency_rad_s * natural_frequency_rad_s
@@ -48,7 +48,9 @@ def transition(natural_frequency_rad_s: float, damping_ratio: float, dt_s: float
     return Transition(phi11, phi12, -stiffness * phi12, phi22, (1.0 - phi11) / stiffness, phi12)
 
 
-def propagate(over: Transition, position_m: float, velocity_m_s: float, acceleration_m_s2: float) -> tuple[float, float]:
+def propagate(
+    over: Transition, position_m: float, velocity_m_s: float, acceleration_m_s2: float
+) -> tuple[float, float]:
     """Position and velocity one tick later, with the acceleration input held."""
     return (
         over.phi11 * position_m + over.phi12 * velocity_m_s + over.gamma1 * acceleration_m_s2,

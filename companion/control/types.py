@@ -1,4 +1,4 @@
-"""What goes into and comes out of the position controller. Flat records of floats: plain CPython and numba both take them.
+"""What goes into and comes out of the position controller: flat records of floats, which CPython and numba both take.
 
 Frames: local NED, body FRD, quaternion scalar first, body to NED. SI units.
 """

@@ -145,6 +145,13 @@ class Layout:
         """Where a field stands in the tuple of `unpack`: an index, or a slice for an array."""
         return self._slices[field]
 
+    def index(self, field: str) -> int:
+        """Where a single value stands in the tuple of `unpack`. Raises `KeyError` for an array or an unknown field."""
+        place = self._slices[field]
+        if isinstance(place, slice):
+            raise KeyError(f"{self.name}.{field} is an array")
+        return place
+
     def named(self, payload: bytes) -> dict[str, Any]:
         """Values by field name; arrays as tuples. For tools and tests: the loop uses `unpack`."""
         values = self.unpack(payload)

@@ -1,8 +1,8 @@
 """The bytes' way out: UDP or a serial line, owned by this process alone.
 
-    udpin://0.0.0.0:14540                 listen; talk to whoever proves to be the autopilot
-    udpout://127.0.0.1:14580              talk to that address only
-    serial:///dev/ttyAMA0:921600          a tty
+udpin://0.0.0.0:14540                 listen; talk to whoever proves to be the autopilot
+udpout://127.0.0.1:14580              talk to that address only
+serial:///dev/ttyAMA0:921600          a tty
 """
 
 from __future__ import annotations

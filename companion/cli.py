@@ -1,0 +1,110 @@
+"""The `companion` command. One function a sub-command, and nothing but wiring.
+
+Exit codes: 0 done; 1 a flight that failed or was not stable; 2 bad input, or nothing to fly with. Whatever is wrong ends
+as one line on stderr.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+from companion import __version__
+from companion.config import ConfigError, load_config
+from companion.mavlink.link import LinkError
+
+
+class _Parser(argparse.ArgumentParser):
+    """Argparse whose complaints are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def default_config() -> Path:
+    """`config/antx_rig.yaml` of the checkout, or the copy inside an installed package."""
+    package = Path(__file__).parent
+    shipped = package / "shipped_config" / "antx_rig.yaml"
+    return shipped if shipped.exists() else package.parent / "config" / "antx_rig.yaml"
+
+
+def _shared(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="override one key of the config, as in --set controller.axes.x.adaptation_rate.standard=200",
+    )
+    parser.add_argument(
+        "--hedging",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="fly only the hedged or only the standard controller",
+    )
+
+
+def _build_parser() -> _Parser:
+    parser = _Parser(prog="companion", description="Adaptive position control for PX4 from a companion computer.")
+    parser.add_argument("--version", action="version", version=f"companion {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="fly a vehicle: the real thing")
+    run.add_argument("config", type=Path)
+    run.add_argument("--link", help="udpin://host:port, udpout://host:port or serial:///dev/...:baud")
+    run.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    run.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
+    _shared(run)
+    run.set_defaults(function=_run)
+
+    sitl = commands.add_parser("sitl", help="fly the paper's experiment on the simulated plant")
+    sitl.add_argument("config", type=Path, nargs="?", default=default_config())
+    sitl.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")
+    sitl.add_argument("--out", type=Path, help="folder for figures and flights (default: a new one in flights)")
+    sitl.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    sitl.add_argument("--serve", action="store_true", help="the plant alone, for any MAVLink client")
+    sitl.add_argument("--port", type=int, help="UDP port of the plant (default: any free one; with --serve 14580)")
+    sitl.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
+    sitl.add_argument("--lockstep", action="store_true", help="with --serve: wait for a set-point after every odometry")
+    _shared(sitl)
+    sitl.set_defaults(function=_sitl)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from companion.flight.command import run_flight  # noqa: PLC0415 - imports only what the command needs
+
+    config = load_config(arguments.config, tuple(arguments.overrides))
+    return run_flight(config, arguments)
+
+
+def _sitl(arguments: argparse.Namespace) -> int:
+    config = load_config(arguments.config, tuple(arguments.overrides))
+    if config.plant is None:
+        raise ConfigError(f"{arguments.config}: no plant section: there is nothing to simulate")
+    if arguments.port is not None and not 0 <= arguments.port < 65536:
+        raise ConfigError(f"--port {arguments.port}: not a UDP port")
+    from sitl.command import run_experiment, serve_plant  # noqa: PLC0415
+
+    return serve_plant(config, arguments) if arguments.serve else run_experiment(config, arguments)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of the `companion` command. Exits."""
+    arguments = _build_parser().parse_args(argv)
+    try:
+        code: int = arguments.function(arguments)
+    except (ConfigError, LinkError) as error:
+        print(f"companion: {error}", file=sys.stderr)
+        code = 2
+    except KeyboardInterrupt:
+        code = 130
+    except BrokenPipeError:
+        code = 1
+    with contextlib.suppress(BrokenPipeError):
+        sys.stdout.flush()
+    sys.exit(code)

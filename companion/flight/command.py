@@ -1,0 +1,44 @@
+"""`companion run`: open the link and the log, fly, and say how it ended."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from companion.config import Config
+from companion.flight.authority import REFUSED, Reason
+from companion.flight.process import FlightProcess
+from companion.mavlink.link import open_link
+from companion.record.folder import new_folder, open_folder
+
+_GOOD_ENDS = (Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED)
+
+
+def run_flight(config: Config, arguments: argparse.Namespace) -> int:
+    """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a failsafe, 2 when control never began."""
+    hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
+    link = open_link(arguments.link or config.link.url)
+    try:
+        folder = new_folder(arguments.out, arguments.config.stem)
+        recorder = open_folder(folder, arguments.config, config, blocking=False)
+        try:
+            print(f"link {link.name}, log {folder}", flush=True)
+            summary = FlightProcess(
+                config,
+                link,
+                recorder,
+                hedging=hedging,
+                engage=arguments.engage,
+                say=lambda line: print(line, flush=True),
+            ).run()
+        finally:
+            complaint = recorder.close()
+            if complaint is not None:
+                print(f"companion: {complaint}", file=sys.stderr)
+    finally:
+        link.close()
+    if summary.reason in REFUSED:
+        print(f"companion: {summary.detail}", file=sys.stderr)
+        return 2
+    print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
+    return 0 if summary.reason in _GOOD_ENDS else 1

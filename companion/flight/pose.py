@@ -1,0 +1,93 @@
+"""Odometry from the wire: ODOMETRY, or LOCAL_POSITION_NED with ATTITUDE_QUATERNION where ODOMETRY is absent.
+
+Source: https://mavlink.io/en/messages/common.html; PX4 sends ODOMETRY in local NED, quaternion body to NED.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from companion.control.types import Odometry
+from companion.mavlink.codec import Frame, Layout
+
+ODOMETRY: Final = Layout("ODOMETRY")
+LOCAL_POSITION_NED: Final = Layout("LOCAL_POSITION_NED")
+ATTITUDE_QUATERNION: Final = Layout("ATTITUDE_QUATERNION")
+
+_TIME_US = ODOMETRY.index("time_usec")
+_X, _Y, _Z = (ODOMETRY.index(name) for name in ("x", "y", "z"))
+_Q = ODOMETRY.place("q")
+_VX, _VY, _VZ = (ODOMETRY.index(name) for name in ("vx", "vy", "vz"))
+_FRAME, _CHILD_FRAME = ODOMETRY.index("frame_id"), ODOMETRY.index("child_frame_id")
+_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
+_POSITION = tuple(LOCAL_POSITION_NED.index(name) for name in ("x", "y", "z", "vx", "vy", "vz"))
+_POSITION_MS = LOCAL_POSITION_NED.index("time_boot_ms")
+_ATTITUDE = tuple(ATTITUDE_QUATERNION.index(name) for name in ("q1", "q2", "q3", "q4"))
+_ATTITUDE_MS = ATTITUDE_QUATERNION.index("time_boot_ms")
+_ATTITUDE_AGE_MS = 50  # an attitude older than this does not belong to a position
+
+
+class PoseSource:
+    """Turns pose frames into odometry. Once ODOMETRY has been heard, the other two are ignored."""
+
+    def __init__(self) -> None:
+        self.message = "ODOMETRY"
+        self._attitude: tuple[float, float, float, float] | None = None
+        self._attitude_ms = 0
+
+    def take(self, frame: Frame) -> Odometry | None:
+        """Odometry, when this frame completes one in local NED."""
+        if frame.message_id == ODOMETRY.message_id:
+            v = ODOMETRY.unpack(frame.payload)
+            if v[_FRAME] != _LOCAL_NED or v[_CHILD_FRAME] != _LOCAL_NED:
+                return None
+            self.message = "ODOMETRY"
+            return Odometry(v[_TIME_US] * 1e-6, v[_X], v[_Y], v[_Z], v[_VX], v[_VY], v[_VZ], *v[_Q])
+        if self.message == "ODOMETRY":
+            return None
+        if frame.message_id == ATTITUDE_QUATERNION.message_id:
+            v = ATTITUDE_QUATERNION.unpack(frame.payload)
+            w, x, y, z = (v[i] for i in _ATTITUDE)
+            self._attitude = (w, x, y, z)
+            self._attitude_ms = v[_ATTITUDE_MS]
+            return None
+        if frame.message_id != LOCAL_POSITION_NED.message_id or self._attitude is None:
+            return None
+        v = LOCAL_POSITION_NED.unpack(frame.payload)
+        if abs(v[_POSITION_MS] - self._attitude_ms) > _ATTITUDE_AGE_MS:
+            return None
+        x, y, z, vx, vy, vz = (v[i] for i in _POSITION)
+        return Odometry(v[_POSITION_MS] * 1e-3, x, y, z, vx, vy, vz, *self._attitude)
+
+    def fall_back(self) -> None:
+        """Accept LOCAL_POSITION_NED with ATTITUDE_QUATERNION from now on, unless ODOMETRY comes after all."""
+        self.message = "LOCAL_POSITION_NED"
+
+
+class RateMeter:
+    """Rate of the samples heard, by their own time stamps, once the vehicle has had time to obey the request."""
+
+    SETTLE_S = 0.3
+    MEASURE_S = 0.5
+
+    def __init__(self) -> None:
+        self._first_s: float | None = None
+        self._from_s = 0.0
+        self._count = 0
+        self.rate_hz = 0.0
+        self.done = False
+
+    def take(self, time_s: float) -> None:
+        """A sample's time. `rate_hz` and `done` follow; a window that ends too slow is followed by a new one."""
+        if self._first_s is None:
+            self._first_s = time_s
+        if time_s - self._first_s < self.SETTLE_S:
+            return
+        if self._count == 0:
+            self._from_s = time_s
+        self._count += 1
+        span = time_s - self._from_s
+        if span >= self.MEASURE_S:
+            self.rate_hz = (self._count - 1) / span
+            self.done = True
+            self._count = 0

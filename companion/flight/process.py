@@ -1,0 +1,391 @@
+"""The loop: one blocking thread that waits for odometry, steps the controller, sends the set-point, records the tick."""
+
+from __future__ import annotations
+
+import gc
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.config.schema import Config
+from companion.control import attitude, position
+from companion.control.types import AttitudeSetpoint, Command, Odometry
+from companion.flight import authority, guards
+from companion.flight.authority import Known, Reason, State
+from companion.flight.engage import Engagement, Seen, plan
+from companion.flight.mission import Mission
+from companion.flight.port import CURRENT_MODE, Port
+from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource, RateMeter
+from companion.flight.setup import initial_weights, position_params
+from companion.mavlink import px4
+from companion.mavlink.codec import Frame, decode_cold
+from companion.mavlink.link import Link, LinkError
+from companion.mavlink.px4 import Mode
+from companion.record.recorder import EVENT, TICK, Recorder
+from companion.record.schema import CDR_HEADER, FLOATS, pack_event, pack_tick
+
+_HOUSEKEEPING_S = 0.05
+_HEARTBEAT_S = 1.0
+_REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
+_CHECK_S = 5.0  # how long the odometry may take to reach the floor
+_RELEASE_S = 2.0  # how long Hold is asked for before silence has to do
+_LOCKSTEP_SILENCE_S = 15.0
+_NO_CONTROL = (math.nan,) * sum(field.size for field in FLOATS[7:19])
+
+
+class Status(NamedTuple):
+    """What a person watching wants to know; handed to `on_status` at 10 Hz or slower."""
+
+    state: State
+    mode: int
+    armed: bool
+    elapsed_s: float  # in control
+    rate_hz: float
+    error_m: float  # horizontal distance from the ideal reference
+
+
+class Summary(NamedTuple):
+    """How a flight ended."""
+
+    reason: Reason
+    detail: str
+    engaged_s: float
+    ticks: int
+
+
+class FlightProcess:
+    """One flight: from the first heartbeat to a release with a named reason.
+
+    `lockstep`: time is the odometry's own, and every sample is answered, so that a flight is a function of its inputs.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        link: Link,
+        recorder: Recorder,
+        *,
+        hedging: bool | None = None,
+        engage: bool = False,
+        lockstep: bool = False,
+        on_status: Callable[[Status], None] | None = None,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._config = config
+        self._recorder = recorder
+        self._lockstep = lockstep
+        self._on_status = on_status
+        self._say = say
+        self._port = Port(config, link, recorder)
+        self._params = position_params(config, hedging=config.controller.hedging if hedging is None else hedging)
+        self._mission = Mission(config.mission)
+        ids = (config.vehicle.system_id, config.vehicle.component_id)
+        self._ids = ids
+        self._engagement = Engagement(plan(*ids, can_fly=config.vehicle.kind == "quadrotor")) if engage else None
+        self._pose = PoseSource()
+        self._meter = RateMeter()
+        self._state = State.CONNECTING
+        self._fault: Reason | None = None
+        self._detail = ""
+        self._sample: Odometry | None = None
+        self._control: position.PositionState | None = None
+        self._origin = Command(0.0, 0.0, 0.0, 0.0)
+        self._ground_z_m = 0.0
+        self._engaged_at_s = 0.0
+        self._elapsed_s = 0.0
+        self._error_m = 0.0
+        self._ticks = 0
+        self._now_s = time.monotonic() if not lockstep else 0.0
+        self._began_s = self._pose_at_s = self._heartbeat_at_s = self._now_s
+        self._next = {"housekeeping": 0.0, "heartbeat": 0.0, "request": 0.0}
+
+    def stop(self, reason: Reason = Reason.OPERATOR) -> None:
+        """Ask for a release; safe from a signal handler."""
+        self._fault = reason
+
+    def run(self) -> Summary:
+        """Fly. Returns when control has ended and, where it was ours to end, Hold has been asked for."""
+        self._event(State.CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
+        reason = Reason.OPERATOR
+        heard_s = self._began_wall_s = time.monotonic()
+        with _quiet_memory(), _signals(self.stop):
+            try:
+                while self._state is not State.RELEASED:
+                    data = self._port.receive()
+                    wall_s = time.monotonic()
+                    if not self._lockstep:
+                        self._now_s = wall_s
+                    if data:
+                        heard_s = wall_s
+                        for frame in self._port.frames(data, self._time_us()):
+                            self._take(frame)
+                    elif self._lockstep:
+                        self._silence(wall_s - heard_s)
+                    if self._now_s >= self._next["housekeeping"] or self._sample is None:
+                        self._housekeep(wall_s)
+                    state, why = authority.advance(self._state, self._known())
+                    if state is not self._state:
+                        reason = self._change(state, why)
+                self._let_go(reason)
+            except LinkError as error:
+                reason, self._detail = Reason.LINK_LOST, str(error)
+        detail = self._detail or authority.MEANING[reason]
+        self._event(f"released_{reason.value}", detail)
+        self._say(f"released: {reason.value} ({detail})")
+        return Summary(reason, detail, self._elapsed_s, self._ticks)
+
+    # -- what comes in ------------------------------------------------------------------------------------------------
+
+    def _take(self, frame: Frame) -> None:
+        """One frame of the vehicle."""
+        number = frame.message_id
+        if number in (ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id):
+            sample = self._pose.take(frame)
+            if sample is not None:
+                self._tick(sample)
+        elif self._port.note(frame):
+            self._heartbeat_at_s = self._now_s
+        elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
+            answer = decode_cold(frame)
+            self._engagement.acknowledged(answer.command, answer.result)
+
+    def _tick(self, sample: Odometry) -> None:
+        """The hot path: one odometry sample to one set-point."""
+        last = self._sample
+        if last is not None and sample.time_s <= last.time_s:
+            return  # a copy, or out of order: the newer one has been flown
+        received_s = self._now_s
+        if not guards.all_finite(sample):
+            self._fault = self._fault or Reason.NON_FINITE
+            return
+        self._sample = sample
+        dt = 0.0 if last is None else sample.time_s - last.time_s
+        if self._lockstep:
+            self._now_s = received_s = sample.time_s
+        self._pose_at_s = received_s
+        if self._state is State.ENGAGED and self._control is not None:
+            self._fly(sample, self._control, dt)
+            return
+        if self._state is State.CHECKING:
+            self._meter.take(sample.time_s)
+        if self._state is not State.CHECKING or self._lockstep:
+            self._stand_by(sample, dt)
+
+    def _fly(self, sample: Odometry, control: position.PositionState, dt: float) -> None:
+        """In control: the paper's step, then out with it, then the record."""
+        self._elapsed_s = sample.time_s - self._engaged_at_s
+        if self._mission.over(self._elapsed_s):
+            self._fault = self._fault or Reason.MISSION_COMPLETE
+        command = self._mission.command(self._elapsed_s, self._origin)
+        control, out = position.step(self._params, control, sample, command, dt)
+        setpoint = out.setpoint
+        if not guards.all_finite(setpoint):
+            self._fault = Reason.NON_FINITE
+            return
+        self._control = control
+        latency = self._send(sample, setpoint)
+        x, y = control.x, control.y
+        at = position.in_control_frame(
+            sample, control.anchor_x_m, control.anchor_y_m, control.yaw_rad, control.thrust_ratio
+        )
+        self._error_m = math.hypot(
+            at.x_m - x.ideal_position_m, 0.0 if self._params.one_axis else at.y_m - y.ideal_position_m
+        )
+        self._record(
+            sample, dt, command, setpoint, latency, out.limited,
+            (
+                at.x_m, at.y_m, at.vx_m_s, at.vy_m_s, x.command_m, y.command_m,
+                x.ideal_position_m, y.ideal_position_m, x.ideal_velocity_m_s, y.ideal_velocity_m_s,
+                x.reference_position_m, y.reference_position_m, x.reference_velocity_m_s, y.reference_velocity_m_s,
+                x.position_weight, y.position_weight, x.velocity_weight, y.velocity_weight,
+                x.control, y.control, x.actuator, y.actuator, out.x.deficit, out.y.deficit,
+            ),
+        )  # fmt: skip
+
+    def _stand_by(self, sample: Odometry, dt: float) -> None:
+        """Stream what is safe to be switched to: the attitude as it is; hover thrust when armed, none otherwise."""
+        setpoint = AttitudeSetpoint(
+            sample.qw, sample.qx, sample.qy, sample.qz, self._config.vehicle.hover_thrust if self._port.armed else 0.0
+        )
+        latency = self._send(sample, setpoint)
+        self._record(sample, dt, Command(math.nan, math.nan, math.nan, math.nan), setpoint, latency, False, _NO_CONTROL)
+
+    def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
+        """Out with the set-point; how long after its odometry came in."""
+        self._port.send_setpoint(round(sample.time_s * 1e3) & 0xFFFFFFFF, *setpoint, self._time_us())
+        return 0.0 if self._lockstep else time.monotonic() - self._now_s
+
+    def _record(
+        self,
+        sample: Odometry,
+        dt: float,
+        command: Command,
+        setpoint: AttitudeSetpoint,
+        latency: float,
+        limited: bool,
+        control: tuple[float, ...],
+    ) -> None:
+        self._ticks += 1
+        tick = pack_tick(
+            CDR_HEADER, sample.time_s, dt, *sample[1:], *command, *control, *setpoint, latency, self._state, limited
+        )
+        self._recorder.add(TICK, self._time_us(), tick)
+
+    # -- what goes on beside it ---------------------------------------------------------------------------------------
+
+    def _known(self) -> Known:
+        fault = self._fault
+        if fault is None and self._state in (State.STANDBY, State.ENGAGED):
+            fault = guards.broken(
+                self._config.guards, self._now_s - self._pose_at_s, self._now_s - self._heartbeat_at_s
+            )
+        checked = self._meter.done and self._meter.rate_hz >= self._config.tick.floor_hz
+        return Known(self._port.connected, checked, self._port.mode, self._port.armed, fault)
+
+    def _housekeep(self, wall_s: float) -> None:
+        """Everything slow, at 20 Hz."""
+        now = self._now_s
+        self._next["housekeeping"] = now + _HOUSEKEEPING_S
+        if now >= self._next["heartbeat"] or not self._port.connected:
+            self._next["heartbeat"] = now + _HEARTBEAT_S
+            status = mavlink.MAV_STATE_ACTIVE if self._state is State.ENGAGED else mavlink.MAV_STATE_STANDBY
+            self._port.send(px4.heartbeat(status), self._time_us())
+        if self._state is State.CONNECTING:
+            if wall_s - self._began_wall_s > self._config.link.connect_timeout_s:
+                self._refuse(
+                    Reason.NO_VEHICLE,
+                    f"no heartbeat of vehicle {self._ids[0]}/{self._ids[1]} within "
+                    f"{self._config.link.connect_timeout_s:g} s: check the link and vehicle.system_id",
+                )
+        elif self._state is State.CHECKING:
+            self._check(now)
+        elif self._state is State.STANDBY and self._engagement is not None:
+            self._engage()
+        if self._on_status is not None:
+            rate = self._meter.rate_hz
+            self._on_status(
+                Status(self._state, self._port.mode, self._port.armed, self._elapsed_s, rate, self._error_m)
+            )
+        self._recorder.flush()
+
+    def _check(self, now: float) -> None:
+        """Ask for the rates, and judge what comes."""
+        if now - self._began_s > 0.3 * _CHECK_S and self._sample is None:
+            self._pose.fall_back()
+        if now >= self._next["request"]:
+            self._next["request"] = now + _REQUEST_S
+            rate = self._config.tick.rate_hz
+            wanted = [(CURRENT_MODE.message_id, 20.0), (ODOMETRY.message_id, rate)]
+            if self._pose.message != "ODOMETRY":
+                wanted = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
+            for message_id, rate_hz in wanted:
+                self._port.send(px4.message_interval(*self._ids, message_id, rate_hz), self._time_us())
+        if now - self._began_s > _CHECK_S:
+            self._refuse(
+                Reason.RATE_TOO_LOW,
+                f"{self._pose.message} arrives at {self._meter.rate_hz:.1f} Hz, tick.floor_hz is "
+                f"{self._config.tick.floor_hz:g}: raise the link's rate or lower tick.rate_hz and check again",
+            )
+
+    def _engage(self) -> None:
+        sample = self._sample
+        if sample is None or self._engagement is None:
+            return
+        speed = math.sqrt(sample.vx_m_s**2 + sample.vy_m_s**2 + sample.vz_m_s**2)
+        seen = Seen(self._port.mode, self._port.armed, speed, self._ground_z_m - sample.z_m)
+        message, failed = self._engagement.advance(self._now_s, seen)
+        if message is not None:
+            self._port.send(message, self._time_us())
+        if failed is not None:
+            self._refuse(Reason.ENGAGE_REFUSED, f"the vehicle did not {failed}")
+
+    def _refuse(self, reason: Reason, detail: str) -> None:
+        self._fault, self._detail = reason, detail
+
+    def _silence(self, silent_s: float) -> None:
+        """In lockstep time stands still without the plant, so its silence is measured by the wall."""
+        if self._port.connected and silent_s > _LOCKSTEP_SILENCE_S:
+            self._refuse(Reason.HEARTBEAT_LOST, f"the plant has been silent for {silent_s:.0f} s of wall time")
+
+    # -- changes of authority -----------------------------------------------------------------------------------------
+
+    def _change(self, state: State, reason: Reason | None) -> Reason:
+        """Enter a state. Returns the reason of a release."""
+        if state is State.CHECKING:
+            self._began_s = self._now_s
+        elif state is State.STANDBY and self._sample is not None:
+            self._ground_z_m = self._sample.z_m
+        elif state is State.ENGAGED:
+            self._take_over()
+        self._state = state
+        if reason is None:
+            detail = f"{self._pose.message} at {self._meter.rate_hz:.0f} Hz" if self._meter.done else ""
+            self._event(state.name.lower(), detail)
+            self._say(f"{state.name.lower()} {detail}".strip())
+        return reason or Reason.OPERATOR
+
+    def _take_over(self) -> None:
+        """A bumpless start from the last sample."""
+        sample = self._sample
+        assert sample is not None  # STANDBY is reached by samples
+        yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
+        self._origin = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self._engaged_at_s = sample.time_s
+        params = self._params
+        self._control = position.engage(
+            sample, yaw, initial_weights(self._config, params.x), initial_weights(self._config, params.y)
+        )
+
+    def _let_go(self, reason: Reason) -> None:
+        """Hold, unless somebody else has taken over; then silence, which PX4's own failsafe understands."""
+        if reason in authority.TAKEN or self._port.mode != Mode.OFFBOARD:
+            return
+        self._port.send(
+            mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, f"companion: {reason.value}".encode()),
+            self._time_us(),
+        )
+        asked_s, until_s = -math.inf, time.monotonic() + _RELEASE_S
+        while self._port.mode == Mode.OFFBOARD and time.monotonic() < until_s:
+            if time.monotonic() - asked_s > 0.25:
+                asked_s = time.monotonic()
+                self._port.send(px4.set_mode(*self._ids, Mode.HOLD), self._time_us())
+            for frame in self._port.frames(self._port.receive(), self._time_us()):
+                if not self._port.note(frame) and self._lockstep and frame.message_id == ODOMETRY.message_id:
+                    self._take(frame)  # the plant's time moves only when it is answered
+
+    def _event(self, name: str, detail: str) -> None:
+        self._recorder.add(EVENT, self._time_us(), pack_event(name, detail))
+
+    def _time_us(self) -> int:
+        """Time stamp of records: wall clock, or the samples' own in lockstep."""
+        return round(self._now_s * 1e6) if self._lockstep else time.time_ns() // 1000
+
+
+@contextmanager
+def _quiet_memory() -> Iterator[None]:
+    """No garbage collection in flight: the tick leaves no cycles behind."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+@contextmanager
+def _signals(stop: Callable[[], None]) -> Iterator[None]:
+    """SIGINT and SIGTERM ask for a release instead of ending the process."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: stop()) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

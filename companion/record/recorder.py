@@ -1,0 +1,99 @@
+"""The control thread's end of the record: bytes into a pipe, never a wait for a disk.
+
+A process of its own (`companion.record.writer`) holds the other end. What the pipe cannot take stays in memory up to a
+bound; past it records are dropped and counted, and the flight goes on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+TICK: Final = 1
+RECEIVED: Final = 2
+SENT: Final = 3
+EVENT: Final = 4
+RECORD_HEADER: Final = struct.Struct("<BIQ")  # kind, length, time in microseconds
+
+_FLUSH_BYTES = 16_384
+_KEEP_BYTES = 8_000_000
+_PIPE_BYTES = 1 << 20
+
+
+class Recorder:
+    """Collects the records of a flight and hands them to the writer process in chunks.
+
+    `blocking` waits for the writer instead of dropping: for lockstep, where time stands still meanwhile.
+    Attributes: `dropped` records lost because the writer could not keep up or has gone.
+    """
+
+    def __init__(self, folder: Path, *, blocking: bool = False) -> None:
+        self.dropped = 0
+        self.folder = folder
+        self._header = RECORD_HEADER.pack
+        self._pending = bytearray()
+        read_end, self._fd = os.pipe()
+        try:
+            with contextlib.suppress(OSError):
+                fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "companion.record.writer", str(folder)], stdin=read_end, start_new_session=True
+            )  # a session of its own: Ctrl-C stops the flight, and the writer when the pipe ends
+        finally:
+            os.close(read_end)
+        os.set_blocking(self._fd, blocking)
+
+    def add(self, kind: int, time_us: int, data: bytes) -> None:
+        """One record. Costs a copy; a system call only when a chunk is full."""
+        pending = self._pending
+        if len(pending) > _KEEP_BYTES:
+            self.dropped += 1
+            return
+        pending += self._header(kind, len(data), time_us)
+        pending += data
+        if len(pending) >= _FLUSH_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Give the pipe what it takes now."""
+        if self._fd < 0 or not self._pending:
+            return
+        try:
+            written = os.write(self._fd, self._pending)
+        except BlockingIOError:
+            return
+        except OSError:  # the writer has gone: the flight goes on without a log
+            self._give_up()
+            return
+        del self._pending[:written]
+
+    def _give_up(self) -> None:
+        self.dropped += 1
+        self._pending.clear()
+        os.close(self._fd)
+        self._fd = -1
+
+    def close(self, timeout_s: float = 20.0) -> str | None:
+        """End the log and wait for the writer; its complaint as one line, or None."""
+        if self._fd >= 0:
+            os.set_blocking(self._fd, True)
+            while self._pending and self._fd >= 0:
+                self.flush()
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+        try:
+            code = self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            return f"{self.folder}: the log writer did not finish"
+        if code == 0 and not self.dropped:
+            return None
+        return f"{self.folder}: the log is incomplete ({self.dropped} records dropped)"

@@ -1,0 +1,103 @@
+"""The writer process: records from a pipe into `traffic.tlog` and `flight.mcap`.
+
+It ends when the pipe does, so a killed flight still leaves readable files. A full disk ends the file, not the flight:
+the pipe is drained to its end all the same.
+
+    python -m companion.record.writer FOLDER  < records
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO
+
+from mcap.writer import CompressionType, Writer
+
+from companion import __version__
+from companion.record import schema
+from companion.record.recorder import EVENT, RECEIVED, RECORD_HEADER, SENT, TICK
+
+_CHUNK = 1 << 16
+
+
+def records(stream: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
+    """(kind, time in microseconds, data) of every whole record."""
+    buffer = b""
+    while chunk := stream.read1(_CHUNK):  # type: ignore[attr-defined]
+        buffer += chunk
+        at = 0
+        while len(buffer) - at >= RECORD_HEADER.size:
+            kind, length, time_us = RECORD_HEADER.unpack_from(buffer, at)
+            end = at + RECORD_HEADER.size + length
+            if end > len(buffer):
+                break
+            yield kind, time_us, buffer[at + RECORD_HEADER.size : end]
+            at = end
+        buffer = buffer[at:]
+
+
+class _File:
+    """A file whose first failed write ends it, with one line on stderr, and nothing else."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.failed = False
+
+    def attempt(self, action: Callable[[], None]) -> None:
+        if self.failed:
+            return
+        try:
+            action()
+        except OSError as error:
+            self.failed = True
+            print(f"{self.name}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
+
+
+def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:
+    writer = Writer(stream, chunk_size=1 << 18, compression=CompressionType.ZSTD)
+    writer.start(profile="ros2", library=f"companion {__version__}")
+    tick = writer.register_schema(schema.TICK_SCHEMA_NAME, "ros2msg", schema.tick_schema().encode())
+    event = writer.register_schema(schema.EVENT_SCHEMA_NAME, "ros2msg", schema.event_schema().encode())
+    return (
+        writer,
+        writer.register_channel(schema.TICK_TOPIC, "cdr", tick),
+        writer.register_channel(schema.EVENT_TOPIC, "cdr", event),
+    )
+
+
+def write(folder: Path, stream: IO[bytes]) -> bool:
+    """Write a flight's files until the stream ends. True when all of it is on disk."""
+    tlog, mcap = _File(str(folder / "traffic.tlog")), _File(str(folder / "flight.mcap"))
+    with contextlib.ExitStack() as files:
+        traffic: IO[bytes] = files.enter_context(open(tlog.name, "wb", buffering=1 << 16))
+        flight: IO[bytes] = files.enter_context(open(mcap.name, "wb", buffering=1 << 16))
+        writer, tick_channel, event_channel = _open_mcap(flight)
+        sequence = 0
+        for kind, time_us, data in records(stream):
+            if kind in (RECEIVED, SENT):
+                tlog.attempt(lambda t=time_us, d=data: _to(traffic, t, d))  # type: ignore[misc]
+            elif kind in (TICK, EVENT):
+                channel = tick_channel if kind == TICK else event_channel
+                time_ns = time_us * 1000
+                mcap.attempt(lambda c=channel, t=time_ns, s=sequence, d=data: writer.add_message(c, t, d, t, s))  # type: ignore[misc]
+                sequence += 1
+        mcap.attempt(writer.finish)
+        mcap.attempt(flight.flush)
+        tlog.attempt(traffic.flush)
+        for file in (traffic, flight):  # a failed file cannot flush what it still holds
+            with contextlib.suppress(OSError):
+                file.close()
+    return not (tlog.failed or mcap.failed)
+
+
+def _to(traffic: IO[bytes], time_us: int, frame: bytes) -> None:
+    """One tlog record: time in microseconds, big endian, and the frame."""
+    traffic.write(struct.pack(">Q", time_us) + frame)
+
+
+if __name__ == "__main__":
+    sys.exit(0 if write(Path(sys.argv[1]), sys.stdin.buffer) else 1)

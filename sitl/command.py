@@ -1,0 +1,170 @@
+"""`companion sitl`: serve the plant, or fly the experiment and show the paper's numbers beside ours."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from companion.config import Config, ConfigError
+from companion.flight.process import Status
+from companion.mavlink.link import LinkError
+from companion.record.folder import new_folder
+from sitl.autopilot import Autopilot
+from sitl.build import build_vehicle
+from sitl.experiment import Outcome, PlantError, fly
+from sitl.parameters import Parameters
+from sitl.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
+from sitl.server import LockstepTimeoutError, serve
+
+PX4_ONBOARD_PORT = 14580
+
+
+def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
+    """The plant alone, until a signal stops it. Its first line on stdout tells where it is."""
+    assert config.plant is not None  # the caller has checked
+    overrides = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
+    try:
+        parameters = Parameters({**overrides, "MPC_THR_HOVER": config.vehicle.hover_thrust, **config.plant.parameters})
+    except (KeyError, TypeError) as error:
+        raise ConfigError(f"{arguments.config}: plant.parameters: {error.args[0]}") from None
+    port = PX4_ONBOARD_PORT if arguments.port is None else arguments.port
+    try:
+        first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
+        serve(
+            Autopilot(build_vehicle(config), parameters),
+            # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
+            [first] if arguments.lockstep else [first, GROUND_STATION._replace(port=0)],
+            lockstep=arguments.lockstep,
+            on_ready=lambda bound: print(f"plant ready: {arguments.link or f'udp port {bound}'}", flush=True),
+        )
+    except (OSError, ValueError) as error:
+        reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
+        raise LinkError(f"plant: {reason}") from None
+    except LockstepTimeoutError as error:
+        raise LinkError(f"plant: {error}") from None
+    return 0
+
+
+def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
+    """Fly one controller or both; print the table, draw the figures. 1 when a flight failed or was not stable."""
+    if arguments.hedging is None:
+        controllers = ["hedged", "standard"]
+    else:
+        controllers = ["hedged" if arguments.hedging else "standard"]
+    folder: Path = arguments.out or new_folder(Path("flights"), arguments.config.stem)
+    console = Console(stderr=arguments.json)
+    outcomes: dict[str, Outcome] = {}
+    try:
+        for controller in controllers:
+            outcomes[controller] = _fly_one(config, arguments, folder, controller, console)
+    except PlantError as error:
+        raise LinkError(str(error)) from None
+    flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
+    from sitl.figures import draw_paper_figures  # noqa: PLC0415 - matplotlib takes its time
+
+    figures = draw_paper_figures(config, flown, folder)
+    report = _report(arguments.config, outcomes)
+    (folder / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    if arguments.json:
+        print(json.dumps(report))
+    else:
+        _print_table(config, outcomes, console)
+        console.print(f"{len(figures)} figures, flight folders and summary.json in [bold]{folder}[/bold]")
+    good = all(o.complete and o.metrics is not None and o.metrics.stable for o in outcomes.values())
+    return 0 if good else 1
+
+
+def _fly_one(config: Config, arguments: argparse.Namespace, folder: Path, controller: str, console: Console) -> Outcome:
+    total = config.mission.duration_s
+    columns = (
+        TextColumn("{task.description:<32}"),
+        BarColumn(),
+        TextColumn("{task.fields[note]}"),
+        TimeElapsedColumn(),
+    )
+    # Refreshed by hand from the loop's status: a refresh thread would cost the loop its latency.
+    with Progress(*columns, console=console, auto_refresh=False) as progress:
+        task = progress.add_task(f"flying {controller} MRAC", total=total, note="")
+        shown = 0.0
+
+        def on_status(status: Status) -> None:
+            nonlocal shown
+            progress.update(task, completed=status.elapsed_s, note=f"{status.state.name.lower()}")
+            if status.elapsed_s == 0.0 or status.elapsed_s - shown > 0.5:
+                shown = status.elapsed_s
+                progress.refresh()
+
+        outcome = fly(
+            config,
+            arguments.config,
+            folder / controller,
+            controller,
+            overrides=tuple(arguments.overrides),
+            lockstep=not arguments.realtime,
+            port=arguments.port or 0,
+            on_status=on_status,
+        )
+        progress.update(task, note=f"{outcome.realtime_factor:.1f} x real time")
+        progress.refresh()
+    if not outcome.complete:
+        console.print(f"[bold red]{controller} MRAC did not finish: {outcome.summary.detail}[/bold red]")
+    return outcome
+
+
+def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object]:
+    """The machine-readable contract of `companion sitl --json`."""
+    return {
+        "config": str(config_path),
+        "realtime_factor": round(min(o.realtime_factor for o in outcomes.values()), 2),
+        "controllers": {
+            name: {
+                "peak_error_m": o.metrics.peak_error_m if o.metrics else None,
+                "rms_error_m": o.metrics.rms_error_m if o.metrics else None,
+                "stable": bool(o.complete and o.metrics and o.metrics.stable),
+            }
+            for name, o in outcomes.items()
+        },
+        "flights": [str(o.folder) for o in outcomes.values()],
+    }
+
+
+def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console) -> None:
+    paper = config.paper
+    table = Table(title=f"{paper.table if paper else 'Tracking error'} (error against the ideal reference)")
+    table.add_column("controller")
+    for metric in ("peak [m]", "RMS [m]"):
+        if paper:
+            table.add_column(f"{metric} paper", justify="right")
+        table.add_column(f"{metric} ours", justify="right")
+        if paper:
+            table.add_column("difference", justify="right")
+    for name, outcome in outcomes.items():
+        row = [f"{name} MRAC"]
+        published = getattr(paper, name) if paper else None
+        for metric in ("peak_error_m", "rms_error_m"):
+            if published:
+                row.append(f"{getattr(published, metric):.4f}")
+            if outcome.metrics is None or not outcome.complete:
+                row += ["failed", "-"] if published else ["failed"]
+            elif not outcome.metrics.stable:
+                row += ["[bold red]UNSTABLE[/bold red]", "-"] if published else ["[bold red]UNSTABLE[/bold red]"]
+            else:
+                ours = getattr(outcome.metrics, metric)
+                row.append(f"{ours:.4f}")
+                if published:
+                    row.append(f"{100.0 * (ours / getattr(published, metric) - 1.0):+.1f} %")
+        table.add_row(*row)
+    console.print(table)
+    for name, outcome in outcomes.items():
+        if outcome.metrics is not None and outcome.complete and not outcome.metrics.stable:
+            console.print(
+                f"[bold red]{name} MRAC is unstable:[/bold red] the error never settles and peaks at "
+                f"{outcome.metrics.peak_error_m:.2f} m; lower its adaptation rate or tick faster"
+            )
+    factor = min(o.realtime_factor for o in outcomes.values())
+    console.print(f"flown at {factor:.1f} x real time, {config.tick.rate_hz:g} ticks a second over UDP")

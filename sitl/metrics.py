@@ -1,0 +1,47 @@
+"""Peak and RMS of (26) and (29), and whether the flight was stable."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.config import Config
+from companion.flight.authority import State
+from companion.record.reader import Flight
+
+
+class Metrics(NamedTuple):
+    """Error against the ideal reference over the whole of the flight in control."""
+
+    peak_error_m: float
+    rms_error_m: float
+    stable: bool
+
+
+def largest_step_m(config: Config) -> float:
+    """The largest horizontal change of the command."""
+    places = [(0.0, 0.0), *((w.offset_ned_m[0], w.offset_ned_m[1]) for w in config.mission.waypoints)]
+    return max((math.dist(a, b) for a, b in pairwise(places)), default=0.0)
+
+
+def score(config: Config, flight: Flight) -> Metrics:
+    """Metrics of one flight. Raises `ValueError` when it was never in control.
+
+    A flight is unstable when the error of its last quarter is no transient any more: its RMS is above half the largest
+    step of the command.
+    """
+    ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
+    if not len(ticks):
+        raise ValueError("the controller was never in control")
+    error = ticks["position_m"] - ticks["ideal_position_m"]
+    distance = np.abs(error[:, 0]) if config.vehicle.kind == "rig" else np.hypot(error[:, 0], error[:, 1])
+
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(values**2)))
+
+    late = distance[-max(1, len(distance) // 4) :]
+    step = largest_step_m(config)
+    return Metrics(float(distance.max()), rms(distance), step == 0.0 or rms(late) <= 0.5 * step)

@@ -1,0 +1,295 @@
+"""What the autopilot answers: commands, parameters, missions, time, on one link (PX4: `mavlink/mavlink_receiver.cpp`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Frame, Layout, decode_cold
+from sitl.autopilot import Autopilot, Command
+from sitl.modes import Result, Severity
+from sitl.parameters import HASH_NAME, WireParameter
+from sitl.streams import NEVER_US, Streams
+from sitl.telemetry import Telemetry
+
+Reply = Callable[[Frame, Any], None]
+
+_SETPOINT: Final = Layout("SET_ATTITUDE_TARGET")
+_SETPOINT_ID: Final = _SETPOINT.message_id
+_ANY: Final = 0
+_LINK_COMMANDS: Final = frozenset({410, 510, 511, 512, 519, 520})
+_TO_ANY_COMPONENT: Final = frozenset({519, 520})
+_LEGACY_REQUESTS: Final = {
+    410: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    519: 300,  # PROTOCOL_VERSION: PX4 sends it, the dialect has dropped it, so it is denied here
+    520: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+}
+
+
+class Services:
+    """Everything one link answers to.
+
+    Attributes:
+        replies: frames to be sent, in order; the owner of the link takes them.
+        setpoint_ms: `time_boot_ms` of the last SET_ATTITUDE_TARGET that was for this autopilot.
+        odometry_requested: whether somebody asked for ODOMETRY by SET_MESSAGE_INTERVAL, and it runs.
+        ground_station_seen: whether a ground station's heartbeat came by; only then PX4 sends STATUSTEXT.
+        changed: parameters set on this link, for the other links to tell.
+        ignored: frames that were not for this autopilot, or that nobody handles.
+    """
+
+    def __init__(
+        self, autopilot: Autopilot, telemetry: Telemetry, streams: Streams, system_id: int, component_id: int
+    ) -> None:
+        self._autopilot = autopilot
+        self._telemetry = telemetry
+        self._streams = streams
+        self._system = system_id
+        self._component = component_id
+        self._unpack_setpoint = _SETPOINT.unpack
+        self._on_attitude_target = autopilot.on_attitude_target
+        self.replies: list[bytes] = []
+        self.changed: list[WireParameter] = []
+        self.setpoint_ms = -1
+        self.odometry_requested = False
+        self.ground_station_seen = False
+        self.ignored = 0
+        self._handlers: dict[int, Reply] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
+            mavlink.MAVLINK_MSG_ID_PING: self._ping,
+            mavlink.MAVLINK_MSG_ID_SET_MODE: self._set_mode,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._param_read,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._param_list,
+            mavlink.MAVLINK_MSG_ID_PARAM_SET: self._param_set,
+            mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: self._mission_list,
+            mavlink.MAVLINK_MSG_ID_MISSION_COUNT: self._mission_count,
+            mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: self._mission_clear,
+            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._command_int,
+            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
+            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
+        }
+
+    def handle(self, frame: Frame) -> None:
+        """Take one frame; what there is to answer stands in `replies`."""
+        if frame.message_id == _SETPOINT_ID:
+            time_ms, q0, q1, q2, q3, _, _, _, thrust, system, component, mask = self._unpack_setpoint(frame.payload)
+            if (system == self._system or system == _ANY) and (component == self._component or component == _ANY):
+                self.setpoint_ms = time_ms
+                self._on_attitude_target((q0, q1, q2, q3), thrust, mask)
+            else:
+                self.ignored += 1
+            return
+        handler = self._handlers.get(frame.message_id)
+        own_echo = frame.system_id == self._system and frame.component_id == self._component
+        if handler is None or own_echo:
+            self.ignored += 1
+            return
+        handler(frame, decode_cold(frame))
+
+    def send(self, message: Any) -> None:
+        """Queue a pymavlink message."""
+        self.replies.append(self._telemetry.pack(message, self._streams.take_sequence()))
+
+    def send_status_text(self, severity: Severity, text: str) -> None:
+        """Queue a STATUSTEXT."""
+        self.send(mavlink.MAVLink_statustext_message(severity=int(severity), text=text.encode()[:50]))
+
+    def send_parameter(self, parameter: WireParameter | None) -> None:
+        """Queue a PARAM_VALUE; nothing for `None`."""
+        if parameter is None:
+            return
+        message = mavlink.MAVLink_param_value_message(
+            param_id=parameter.name.encode(),
+            param_value=0.0,
+            param_type=int(parameter.type),
+            param_count=parameter.total,
+            param_index=parameter.place & 0xFFFF,
+        )
+        frame = self._telemetry.pack(message, self._streams.take_sequence())
+        body = frame[1:HEADER_BYTES] + parameter.raw + frame[HEADER_BYTES + 4 : -CRC_BYTES]
+        crc = mcrf4xx(bytes([message.crc_extra]), mcrf4xx(body))
+        self.replies.append(frame[:1] + body + crc.to_bytes(CRC_BYTES, "little"))
+
+    # --- services ---------------------------------------------------------------------------------------------------
+
+    def _for_us(self, message: Any) -> bool:
+        ours = message.target_system == self._system and message.target_component in (self._component, _ANY)
+        self.ignored += not ours
+        return ours
+
+    def _heartbeat(self, _: Frame, message: Any) -> None:
+        if message.type == mavlink.MAV_TYPE_GCS:
+            self.ground_station_seen = True
+
+    def _ping(self, frame: Frame, message: Any) -> None:
+        if message.target_system == _ANY and message.target_component == _ANY:
+            self.send(
+                mavlink.MAVLink_ping_message(
+                    time_usec=message.time_usec,
+                    seq=message.seq,
+                    target_system=frame.system_id,
+                    target_component=frame.component_id,
+                )
+            )
+
+    def _timesync(self, _: Frame, message: Any) -> None:
+        if message.tc1 == 0:
+            self.replies.append(self._telemetry.timesync_reply(self._streams.take_sequence(), message.ts1))
+
+    def _param_read(self, _: Frame, message: Any) -> None:
+        if self._for_us(message):
+            parameters = self._autopilot.parameters
+            by_name = message.param_index < 0
+            found = parameters.wire(message.param_id) if by_name else parameters.wire_at(message.param_index)
+            self.send_parameter(found)
+
+    def _param_list(self, _: Frame, message: Any) -> None:
+        if self._for_us(message):
+            parameters = self._autopilot.parameters
+            self.send_parameter(parameters.wire(HASH_NAME))
+            for name in parameters:
+                self.send_parameter(parameters.wire(name))
+
+    def _param_set(self, frame: Frame, message: Any) -> None:
+        if self._for_us(message):
+            raw = frame.payload[:4].ljust(4, b"\0")
+            stored = self._autopilot.parameters.set_wire(message.param_id, raw, message.param_type)
+            if stored is not None:
+                self.send_parameter(stored)
+                self.changed.append(stored)
+
+    def _mission_list(self, frame: Frame, message: Any) -> None:
+        if self._for_us(message):
+            self.send(
+                mavlink.MAVLink_mission_count_message(
+                    target_system=frame.system_id,
+                    target_component=frame.component_id,
+                    count=0,
+                    mission_type=message.mission_type,
+                )
+            )
+
+    def _mission_count(self, frame: Frame, message: Any) -> None:
+        if self._for_us(message):
+            kind = mavlink.MAV_MISSION_ACCEPTED if message.count == 0 else mavlink.MAV_MISSION_NO_SPACE
+            self._mission_ack(frame, message, kind)
+
+    def _mission_clear(self, frame: Frame, message: Any) -> None:
+        if self._for_us(message):
+            self._mission_ack(frame, message, mavlink.MAV_MISSION_ACCEPTED)
+
+    def _mission_ack(self, frame: Frame, message: Any, kind: int) -> None:
+        self.send(
+            mavlink.MAVLink_mission_ack_message(
+                target_system=frame.system_id,
+                target_component=frame.component_id,
+                type=kind,
+                mission_type=message.mission_type,
+            )
+        )
+
+    # --- commands ---------------------------------------------------------------------------------------------------
+
+    def _set_mode(self, frame: Frame, message: Any) -> None:
+        if message.target_system != self._system:
+            self.ignored += 1
+            return
+        main, sub = message.custom_mode >> 16 & 255, message.custom_mode >> 24 & 255
+        result = self._autopilot.set_mode(message.base_mode, main, sub)
+        self._acknowledge(frame, mavlink.MAV_CMD_DO_SET_MODE, result)
+
+    def _command_long(self, frame: Frame, message: Any) -> None:
+        self._command(
+            frame,
+            message,
+            Command(
+                message.command,
+                message.param1,
+                message.param2,
+                message.param3,
+                message.param4,
+                message.param5,
+                message.param6,
+                message.param7,
+            ),
+        )
+
+    def _command_int(self, frame: Frame, message: Any) -> None:
+        unset = message.x == 0x7FFFFFFF and message.y == 0x7FFFFFFF
+        self._command(
+            frame,
+            message,
+            Command(
+                message.command,
+                message.param1,
+                message.param2,
+                message.param3,
+                message.param4,
+                float("nan") if unset else 1e-7 * message.x,
+                float("nan") if unset else 1e-7 * message.y,
+                message.z,
+            ),
+        )
+
+    def _command(self, frame: Frame, message: Any, command: Command) -> None:
+        to_any = command.number in _TO_ANY_COMPONENT and message.target_system in (self._system, _ANY)
+        if not to_any and not self._for_us(message):
+            return
+        if command.number in _LINK_COMMANDS:
+            self._acknowledge(frame, command.number, self._link_command(command))
+            return
+        for result in self._autopilot.on_command(command):
+            self._acknowledge(frame, command.number, result)
+
+    def _link_command(self, command: Command) -> Result:
+        if command.number == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            return self._set_message_interval(command)
+        if command.number == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
+            return self._tell_interval(command.p1)
+        if command.number == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            if _number(command.p1) == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+                return self._tell_interval(command.p2)
+            return self._request(_number(command.p1))
+        return self._request(_LEGACY_REQUESTS[command.number])
+
+    def _set_message_interval(self, command: Command) -> Result:
+        if any(_number(p) not in (0, -1) for p in (command.p3, command.p4, command.p7)):
+            return Result.FAILED  # PX4 knows neither response targets nor the other parameters
+        message_id = _number(command.p1)
+        known = self._streams.set_interval(message_id, command.p2, self._autopilot.time_us)
+        if known and message_id == mavlink.MAVLINK_MSG_ID_ODOMETRY:
+            self.odometry_requested = self._streams.odometry_due_us < NEVER_US
+        return Result.ACCEPTED if known else Result.FAILED
+
+    def _tell_interval(self, message_id: float) -> Result:
+        number = _number(message_id)
+        interval = self._streams.interval_us(number)
+        self.send(mavlink.MAVLink_message_interval_message(message_id=max(number, 0) & 0xFFFF, interval_us=interval))
+        return Result.ACCEPTED
+
+    def _request(self, message_id: int) -> Result:
+        frame = self._streams.request(message_id)
+        if frame is None:
+            return Result.DENIED
+        self.replies.append(frame)
+        return Result.ACCEPTED
+
+    def _acknowledge(self, frame: Frame, command: int, result: Result) -> None:
+        self.send(
+            mavlink.MAVLink_command_ack_message(
+                command=command,
+                result=int(result),
+                progress=0,
+                result_param2=0,
+                target_system=frame.system_id,
+                target_component=frame.component_id,
+            )
+        )
+
+
+def _number(parameter: float) -> int:
+    """A command parameter that carries a whole number; -1 for one that carries none."""
+    return round(parameter) if -1e9 < parameter < 1e9 else -1

@@ -1,0 +1,109 @@
+"""A small plant for tests: a quadrotor or a rig behind the autopilot, in a thread or as a process of its own.
+
+As a script: `plant_main.py KIND [NAME=VALUE ...]` serves KIND (`quadrotor` or `rig`) in real time on a UDP port of the
+system's choice, prints the port, and ends on SIGTERM.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+
+from sitl.attitude_loop import AngleGains, RateGains, Response
+from sitl.autopilot import Autopilot
+from sitl.parameters import PX4_DEFAULTS, Parameters
+from sitl.ports import Endpoint, UdpEndpoint
+from sitl.quadrotor import QuadrotorParams
+from sitl.rig import RigParams
+from sitl.server import ServeResult, serve
+from sitl.vehicle import Quadrotor, Rig, Vehicle
+
+NO_RATES = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
+HOVER_THRUST = 0.5
+NOBODY = 9  # the discard port: heartbeats before the lock must not reach anybody
+
+
+def response(bandwidth_rad_s: float) -> Response:
+    return Response(bandwidth_rad_s, 0.0, 0.0)
+
+
+def quadrotor(bandwidth_rad_s: float = 6.0) -> Quadrotor:
+    """1 kg, little drag, attitude of first order."""
+    loop = response(bandwidth_rad_s)
+    gains = AngleGains(0.0, 0.0, 0.0)
+    params = QuadrotorParams(
+        1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, gains, NO_RATES, NO_RATES, NO_RATES
+    )  # fmt: skip
+    return Quadrotor(params, HOVER_THRUST)
+
+
+def rig(bandwidth_rad_s: float = 3.0) -> Rig:
+    """A guide with some friction, pitch of first order."""
+    return Rig(RigParams(1.2, 0.25, 0.005, False, response(bandwidth_rad_s), 0.0, NO_RATES), HOVER_THRUST)
+
+
+def autopilot(vehicle: Vehicle, **parameters: float) -> Autopilot:
+    """An autopilot with PX4's defaults but for the given parameters."""
+    return Autopilot(vehicle, Parameters({"MPC_THR_HOVER": vehicle.hover_thrust, **parameters}))
+
+
+class RunningPlant:
+    """A plant served from a thread, for the length of a `with`."""
+
+    def __init__(self, pilot: Autopilot, *, lockstep: bool = False, endpoints: Sequence[Endpoint] = ()) -> None:
+        self.autopilot = pilot
+        self.port = 0
+        self.result: ServeResult | None = None
+        self.error: Exception | None = None
+        self._lockstep = lockstep
+        self._endpoints = endpoints or [UdpEndpoint(0, NOBODY)]
+        self._stop = threading.Event()
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        try:
+            self.result = serve(
+                self.autopilot,
+                self._endpoints,
+                lockstep=self._lockstep,
+                stop=self._stop.is_set,
+                on_ready=self._on_ready,
+            )
+        except Exception as error:
+            self.error = error
+        finally:
+            self._ready.set()
+
+    def _on_ready(self, port: int) -> None:
+        self.port = port
+        self._ready.set()
+
+    def __enter__(self) -> RunningPlant:
+        self._thread.start()
+        assert self._ready.wait(10.0)
+        if self.error is not None:
+            raise self.error
+        return self
+
+    def join(self) -> None:
+        self._thread.join(20.0)
+        assert not self._thread.is_alive()
+
+    def __exit__(self, kind: type[BaseException] | None, value: object, trace: TracebackType | None) -> None:
+        self._stop.set()
+        self.join()
+
+
+def main(arguments: Sequence[str]) -> None:
+    kind, *settings = arguments
+    vehicle: Vehicle = rig() if kind == "rig" else quadrotor()
+    pairs = (setting.partition("=") for setting in settings)
+    given: Mapping[str, float] = {name: type(PX4_DEFAULTS[name])(value) for name, _, value in pairs}
+    serve(autopilot(vehicle, **given), [UdpEndpoint(0, NOBODY)], on_ready=lambda port: print(port, flush=True))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
