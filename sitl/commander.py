@@ -1,8 +1,8 @@
 """Who decides: armed or not, which mode was asked for, which mode flies.
 
 The rules are those of PX4 v1.17 (`commander/Commander.cpp`, `UserModeIntention.cpp`, `failsafe/`), for a multicopter
-with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested mode is kept, so
-that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode in between.
+with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested mode is kept,
+so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode in between.
 """
 
 from __future__ import annotations
@@ -149,25 +149,25 @@ class Commander:
         if not self.armed or self.can_run(user, now_us):
             return user, False
         if user is Mode.OFFBOARD:
-            return self._offboard_loss(now_us)
+            return self._offboard_loss()
         if user in STICK_MODES:
-            return self._manual_loss(now_us)
+            return self._manual_loss()
         return self._achievable(Mode.RTL if user is not Mode.LAND else Mode.LAND), True
 
-    def _offboard_loss(self, now_us: int) -> tuple[Mode, bool]:
+    def _offboard_loss(self) -> tuple[Mode, bool]:
         action = self._parameters.integer("COM_OBL_RC_ACT")
         if action == OffboardLossAction.DISARM:
-            self._failsafe_disarm(now_us)
+            self._failsafe_disarm()
             return self.user_mode, False
         mode = _OFFBOARD_LOSS_MODE.get(action, Mode.POSCTL)
         if mode in STICK_MODES and not self.manual_control:
-            return self._manual_loss(now_us)
+            return self._manual_loss()
         return self._achievable(mode), True
 
-    def _manual_loss(self, now_us: int) -> tuple[Mode, bool]:
+    def _manual_loss(self) -> tuple[Mode, bool]:
         action = self._parameters.integer("NAV_RCL_ACT")
         if action == ManualLossAction.DISARM:
-            self._failsafe_disarm(now_us)
+            self._failsafe_disarm()
             return self.user_mode, False
         mode = _MANUAL_LOSS_MODE.get(action)
         if mode is None:
@@ -181,7 +181,7 @@ class Commander:
             return Mode.LAND
         return mode
 
-    def _failsafe_disarm(self, now_us: int) -> None:
+    def _failsafe_disarm(self) -> None:
         self.armed = False
         self.user_mode = self._mode_after_disarming
         self._notify(Severity.CRITICAL, "Disarmed by failsafe")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import select
 import socket
 import struct
+import time
 from typing import Final, NamedTuple, Protocol
 
 import serial
@@ -16,6 +18,7 @@ from sitl.streams import Profile
 RECEIVE_BYTES: Final = 65_536
 DATAGRAM_BYTES: Final = 1_400
 BLOCK_S: Final = 0.05
+GONE_S: Final = 0.01
 SOCKET_BUFFER_BYTES: Final = 1 << 20
 
 
@@ -169,16 +172,18 @@ class SerialPort:
     def receive(self) -> bytes:
         try:
             data = os.read(self._descriptor, RECEIVE_BYTES)
-        except OSError:  # nothing there, or the other end of a pseudo-terminal is closed
+        except BlockingIOError:
             return b""
+        except OSError:
+            data = b""
+        if not data:
+            time.sleep(GONE_S)  # the other end of a pseudo-terminal is closed: readable for ever, with nothing in it
         self.connected = self.connected or bool(data)
         return data
 
     def receive_waiting(self) -> bytes:
-        if not self._line.in_waiting:
-            first: bytes = self._line.read(1)
-            return first and first + self.receive()
-        return self.receive()
+        readable, _, _ = select.select([self._descriptor], [], [], BLOCK_S)
+        return self.receive() if readable else b""
 
     def send(self, frames: list[bytes]) -> None:
         if self._unsent:

@@ -1,4 +1,4 @@
-"""What the autopilot answers: commands, parameters, missions, time, on one link (PX4: `mavlink/mavlink_receiver.cpp`)."""
+"""What the autopilot answers on one link: commands, parameters, missions, time (PX4: `mavlink_receiver.cpp`)."""
 
 from __future__ import annotations
 
@@ -49,6 +49,8 @@ class Services:
         self._streams = streams
         self._system = system_id
         self._component = component_id
+        self._systems = (system_id, _ANY)
+        self._components = (component_id, _ANY)
         self._unpack_setpoint = _SETPOINT.unpack
         self._on_attitude_target = autopilot.on_attitude_target
         self.replies: list[bytes] = []
@@ -76,7 +78,7 @@ class Services:
         """Take one frame; what there is to answer stands in `replies`."""
         if frame.message_id == _SETPOINT_ID:
             time_ms, q0, q1, q2, q3, _, _, _, thrust, system, component, mask = self._unpack_setpoint(frame.payload)
-            if (system == self._system or system == _ANY) and (component == self._component or component == _ANY):
+            if system in self._systems and component in self._components:
                 self.setpoint_ms = time_ms
                 self._on_attitude_target((q0, q1, q2, q3), thrust, mask)
             else:

@@ -13,7 +13,8 @@ from typing import Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.telemetry import Build, Telemetry
+from sitl.status_messages import Build
+from sitl.telemetry import Telemetry
 
 NEVER_US: Final = 1 << 62
 HEARTBEAT_INTERVAL_US: Final = 1_000_000

@@ -20,7 +20,7 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
     link = open_link(arguments.link or config.link.url)
     try:
         folder = new_folder(arguments.out, arguments.config.stem)
-        recorder = open_folder(folder, arguments.config, config, blocking=False)
+        recorder = open_folder(folder, arguments.config, config, blocking=arguments.lockstep)
         try:
             print(f"link {link.name}, log {folder}", flush=True)
             summary = FlightProcess(
@@ -29,6 +29,7 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
                 recorder,
                 hedging=hedging,
                 engage=arguments.engage,
+                lockstep=arguments.lockstep,
                 say=lambda line: print(line, flush=True),
             ).run()
         finally:

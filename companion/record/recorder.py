@@ -80,7 +80,7 @@ class Recorder:
         self._fd = -1
 
     def close(self, timeout_s: float = 20.0) -> str | None:
-        """End the log and wait for the writer; its complaint as one line, or None."""
+        """End the log and wait for the writer; its complaint as one line, or None. Closing twice does no harm."""
         if self._fd >= 0:
             os.set_blocking(self._fd, True)
             while self._pending and self._fd >= 0:
