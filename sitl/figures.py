@@ -46,7 +46,7 @@ def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path,
         )
         _position(panels[0], ticks, axis, hedged=hedged)
         panels[0].set_ylabel(f"position {letter} [m]")
-        panels[0].legend(loc="upper right", ncols=2, fontsize=9)
+        panels[0].legend(loc="upper left", fontsize=9)
         if with_velocity:
             panels[1].plot(t, ticks["ideal_velocity_m_s"][:, axis], color=_IDEAL, lw=1.4)
             if hedged:
@@ -59,7 +59,8 @@ def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path,
         panels[-1].plot(t, degrees[0], color=_COMMAND, lw=1.0, label=f"{angle} commanded")
         panels[-1].plot(t, degrees[1], color=_MEASURED, lw=1.2, label=f"{angle} measured")
         panels[-1].set_ylabel(f"{angle} [deg]")
-        panels[-1].legend(loc="upper right", ncols=2, fontsize=9)
+        panels[-1].margins(y=0.3)  # room for the legend
+        panels[-1].legend(loc="upper left", ncols=2, fontsize=9)
         panels[-1].set_xlabel("time [s]")
         panels[0].set_title(f"{name}: {TITLES[controller]}, {letter} direction")
         figure.tight_layout()
@@ -86,9 +87,10 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
         above.set_ylabel("position x [m]")
         below.set_ylabel("tracking error [mm]")
         below.set_xlabel("time [s]")
-        for panel in (above, below):
-            panel.legend(loc="upper right", fontsize=9)
-        above.set_title("Same attitude loop, same stairs: hedging keeps adaptation from learning the actuator's lag")
+        above.legend(loc="upper left", fontsize=9)
+        below.margins(y=0.3)  # room for the legend
+        below.legend(loc="upper right", fontsize=9)
+        above.set_title("Same slow attitude loop, same stairs: hedging tracks better")
         figure.tight_layout()
         figure.savefig(path)
         plt.close(figure)
