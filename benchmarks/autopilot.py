@@ -72,14 +72,14 @@ class Autopilot:
         """The same, and wait for each answer. A late one delays the next sample: there are never two at once."""
         latencies: list[float] = []
         lost = 0
-        clock, put, receive = time.perf_counter_ns, self._put, self._receive
+        clock, send, receive = time.perf_counter_ns, self._socket.send, self._receive
         want_id, at = answer.message_id.to_bytes(3, "little"), answer.at
         for _ in self._due(rate_hz, seconds):
             self._drain()
             frame = self._sample(rate_hz)
             key = struct.pack("<I", self._time_us // 1000) if answer.repeats_time else frame[BY_ECHO.at]
             began_ns = clock()
-            put(frame)
+            send(frame)
             while data := receive():
                 ended_ns = clock()
                 if data[at] == key and data[7:10] == want_id:

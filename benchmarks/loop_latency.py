@@ -33,7 +33,7 @@ from rich.table import Table
 from companion.mavlink.px4 import Mode
 
 HERE = Path(__file__).resolve().parent
-FLOOR, RIVAL, OURS = "C echo", "mavsdk callback echo", "companion run"
+FLOOR, RIVAL, OURS = "C echo", "mavsdk callback", "companion run"
 _READY_S = 20.0
 _WARM_UP_S = 0.5
 _SETTINGS = ("tick.rate_hz=250", "tick.floor_hz=50", "mission.duration_s=100000")  # a mission that outlasts the run
@@ -82,11 +82,20 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
         subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(HERE / "echo.c")], check=True)
         found.append(Kind(FLOOR, (str(folder / "echo"), "{port}"), "ready", BY_ECHO))
     settings = [part for text in (*_SETTINGS, *overrides) for part in ("--set", text)]
-    run = ("-m", "companion", "run", str(config), "--link", "udpin://127.0.0.1:{port}", "--out", str(folder / "flights"))
+    run = (
+        "-m",
+        "companion",
+        "run",
+        str(config),
+        "--link",
+        "udpin://127.0.0.1:{port}",
+        "--out",
+        str(folder / "flights"),
+    )
     return [
         *found,
         Kind(OURS, (sys.executable, *run, *settings), "engaged", BY_TIME),
-        Kind("pymavlink mavutil echo", (sys.executable, str(HERE / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
+        Kind("pymavlink mavutil", (sys.executable, str(HERE / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
         Kind(RIVAL, (sys.executable, str(HERE / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
     ]
 
@@ -150,8 +159,8 @@ def quiet_memory() -> Iterator[None]:
 
 
 def table(rows: dict[float, dict[str, dict[str, Any]]]) -> Table:
-    shown = Table(title="Telemetry in to set-point out")
-    columns = ("candidate", "rate Hz", "median µs", "p99 µs", "CPU %", "CPU % alone", "÷ C echo", "÷ mavsdk", "lost")
+    shown = Table(title="Telemetry in to set-point out, µs")
+    columns = ("candidate", "Hz", "median", "p99", "CPU %", "alone", "÷ C", "÷ mavsdk")
     for column in columns:
         shown.add_column(column, justify="left" if column == "candidate" else "right", no_wrap=True)
     keys = ("cpu_percent", "cpu_percent_without_children", "ratio_to_c_echo", "ratio_to_mavsdk")
@@ -159,9 +168,9 @@ def table(rows: dict[float, dict[str, dict[str, Any]]]) -> Table:
         for name, row in candidates.items():
             cells = ("-" if row[key] is None else f"{row[key]:.2f}" for key in keys)
             times = (f"{row['median_us']:.0f}", f"{row['p99_us']:.0f}")
-            shown.add_row(name, f"{rate_hz:g}", *times, *cells, str(row["lost"]))
+            shown.add_row(name, f"{rate_hz:g}", *times, *cells)
         shown.add_section()
-    shown.caption = "CPU of the whole process tree, of one core; alone: without children, which is the log writer"
+    shown.caption = "CPU: of one core, with the log writer; alone: without it"
     return shown
 
 

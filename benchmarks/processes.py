@@ -1,4 +1,4 @@
-"""Candidates as processes: started, watched for the line that says they are ready, and what processor time they took."""
+"""Candidates as processes: started, watched for the line that says they are ready, and how much processor they took."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ class Candidate:
 def processor_time_s(pid: int) -> float:
     """All threads of a process: the scheduler's nanoseconds where the kernel counts them, else utime + stime."""
     try:
-        return sum(int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir()) / 1e9
+        return (
+            sum(int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir()) / 1e9
+        )
     except (OSError, IndexError):
         fields = _stat(pid)
         return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S if fields else 0.0

@@ -1,7 +1,7 @@
 """The `companion` command. One function a sub-command, and nothing but wiring.
 
-Exit codes: 0 done; 1 a flight that failed or was not stable; 2 bad input, or nothing to fly with. Whatever is wrong ends
-as one line on stderr.
+Exit codes: 0 done; 1 a flight that failed or was not stable; 2 bad input, or nothing to fly with. Whatever is wrong
+ends as one line on stderr.
 """
 
 from __future__ import annotations
@@ -69,6 +69,7 @@ def _build_parser() -> _Parser:
     sitl.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     sitl.add_argument("--serve", action="store_true", help="the plant alone, for any MAVLink client")
     sitl.add_argument("--port", type=int, help="UDP port of the plant (default: any free one; with --serve 14580)")
+    sitl.add_argument("--gcs-port", type=int, help="with --serve: UDP port for a ground station (default 18570)")
     sitl.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
     sitl.add_argument("--lockstep", action="store_true", help="with --serve: wait for a set-point after every odometry")
     _shared(sitl)
@@ -87,8 +88,9 @@ def _sitl(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config, tuple(arguments.overrides))
     if config.plant is None:
         raise ConfigError(f"{arguments.config}: no plant section: there is nothing to simulate")
-    if arguments.port is not None and not 0 <= arguments.port < 65536:
-        raise ConfigError(f"--port {arguments.port}: not a UDP port")
+    for option, port in (("--port", arguments.port), ("--gcs-port", arguments.gcs_port)):
+        if port is not None and not 0 <= port < 65536:
+            raise ConfigError(f"{option} {port}: not a UDP port")
     from sitl.command import run_experiment, serve_plant  # noqa: PLC0415
 
     return serve_plant(config, arguments) if arguments.serve else run_experiment(config, arguments)

@@ -33,12 +33,15 @@ def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{arguments.config}: plant.parameters: {error.args[0]}") from None
     port = PX4_ONBOARD_PORT if arguments.port is None else arguments.port
+    station_port = arguments.gcs_port
+    if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
+        station_port = GROUND_STATION.port if arguments.port is None and arguments.link is None else 0
     try:
         first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
         serve(
             Autopilot(build_vehicle(config), parameters),
             # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
-            [first] if arguments.lockstep else [first, GROUND_STATION._replace(port=0)],
+            [first] if arguments.lockstep else [first, GROUND_STATION._replace(port=station_port)],
             lockstep=arguments.lockstep,
             on_ready=lambda bound: print(f"plant ready: {arguments.link or f'udp port {bound}'}", flush=True),
         )

@@ -1,9 +1,9 @@
 """Model reference adaptive control of one horizontal axis, hedged or standard: (19)-(23).
 
 The plant of one axis is the double integrator ``ẋ = A x + B w``, ``x = [position, velocity]``. Equation (15) has
-``B = [0, -g]`` for pitch and ``[0, g]`` for roll. Here ``w`` and ``u`` are the horizontal specific force over g, so that
-``B = [0, g]`` on both axes and the nominal weights ``[ωn²/g, 2ζωn/g]`` are positive: for small angles ``w_x = -θ`` and
-``w_y = φ``. (Equations (13)-(14) of the paper swap f_dx and f_dy; (15) is the consistent one and is followed.)
+``B = [0, -g]`` for pitch and ``[0, g]`` for roll. Here ``w`` and ``u`` are the horizontal specific force over g, so
+that ``B = [0, g]`` on both axes and the nominal weights ``[ωn²/g, 2ζωn/g]`` are positive: for small angles
+``w_x = -θ`` and ``w_y = φ``. (Equations (13)-(14) swap f_dx and f_dy; (15) is consistent, and is followed.)
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def engage(
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
 ) -> PositionState:
-    """A bumpless start: anchor, references and integrators on the vehicle as it is; weights are (position, velocity)."""
+    """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity)."""
     now = in_control_frame(odometry, odometry.x_m, odometry.y_m, yaw_rad, 1.0)
     return PositionState(
         mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], now.wx),

@@ -1,7 +1,7 @@
 """Second-order reference model (19) and its hedged form (20), discretised exactly over one tick.
 
-Per axis: ``ẋ = A_r x + [0, 1]ᵀ a`` with ``A_r = [[0, 1], [-ωn², -2ζωn]]``, ``x = [position, velocity]``. The ideal model
-takes ``a = ωn² c``; the hedged one takes ``a = ωn² c + g (w - u)``.
+Per axis: ``ẋ = A_r x + [0, 1]ᵀ a`` with ``A_r = [[0, 1], [-ωn², -2ζωn]]``, ``x = [position, velocity]``. The ideal
+model takes ``a = ωn² c``; the hedged one takes ``a = ωn² c + g (w - u)``.
 """
 
 from __future__ import annotations

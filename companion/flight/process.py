@@ -1,4 +1,4 @@
-"""The loop: one blocking thread that waits for odometry, steps the controller, sends the set-point, records the tick."""
+"""The loop: one blocking thread that waits for odometry, steps the controller, sends, records the tick."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from companion.flight import authority, guards
 from companion.flight.authority import Known, Reason, State
 from companion.flight.engage import Engagement, Seen, plan
 from companion.flight.mission import Mission
-from companion.flight.port import CURRENT_MODE, Port
+from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
 from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource, RateMeter
 from companion.flight.setup import initial_weights, position_params
 from companion.mavlink import px4
@@ -33,6 +33,7 @@ _HOUSEKEEPING_S = 0.05
 _HEARTBEAT_S = 1.0
 _REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
 _CHECK_S = 5.0  # how long the odometry may take to reach the floor
+_LISTEN_S = 0.1  # before that, what the vehicle says is heard out
 _RELEASE_S = 2.0  # how long Hold is asked for before silence has to do
 _LOCKSTEP_SILENCE_S = 15.0
 _NO_CONTROL = (math.nan,) * sum(field.size for field in FLOATS[7:19])
@@ -91,6 +92,7 @@ class FlightProcess:
         self._meter = RateMeter()
         self._state = State.CONNECTING
         self._fault: Reason | None = None
+        self._reason = Reason.OPERATOR
         self._detail = ""
         self._sample: Odometry | None = None
         self._control: position.PositionState | None = None
@@ -111,7 +113,6 @@ class FlightProcess:
     def run(self) -> Summary:
         """Fly. Returns when control has ended and, where it was ours to end, Hold has been asked for."""
         self._event(State.CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
-        reason = Reason.OPERATOR
         heard_s = self._began_wall_s = time.monotonic()
         with _quiet_memory(), _signals(self.stop):
             try:
@@ -120,6 +121,7 @@ class FlightProcess:
                     wall_s = time.monotonic()
                     if not self._lockstep:
                         self._now_s = wall_s
+                    self._decide()  # before what has come is believed: after a pause of ours it is stale
                     if data:
                         heard_s = wall_s
                         for frame in self._port.frames(data, self._time_us()):
@@ -128,12 +130,10 @@ class FlightProcess:
                         self._silence(wall_s - heard_s)
                     if self._now_s >= self._next["housekeeping"] or self._sample is None:
                         self._housekeep(wall_s)
-                    state, why = authority.advance(self._state, self._known())
-                    if state is not self._state:
-                        reason = self._change(state, why)
-                self._let_go(reason)
+                self._let_go(self._reason)
             except LinkError as error:
-                reason, self._detail = Reason.LINK_LOST, str(error)
+                self._reason, self._detail = Reason.LINK_LOST, str(error)
+        reason = self._reason
         detail = self._detail or authority.MEANING[reason]
         self._event(f"released_{reason.value}", detail)
         self._say(f"released: {reason.value} ({detail})")
@@ -143,13 +143,17 @@ class FlightProcess:
 
     def _take(self, frame: Frame) -> None:
         """One frame of the vehicle."""
+        if self._state is State.RELEASED and not self._lockstep:
+            return  # by a frame before this one
         number = frame.message_id
         if number in (ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id):
             sample = self._pose.take(frame)
             if sample is not None:
                 self._tick(sample)
-        elif self._port.note(frame):
-            self._heartbeat_at_s = self._now_s
+        elif number in (HEARTBEAT.message_id, CURRENT_MODE.message_id):
+            if self._port.note(frame):
+                self._heartbeat_at_s = self._now_s
+            self._decide()  # the pilot's switch counts before the next sample does
         elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
             answer = decode_cold(frame)
             self._engagement.acknowledged(answer.command, answer.result)
@@ -314,8 +318,11 @@ class FlightProcess:
 
     # -- changes of authority -----------------------------------------------------------------------------------------
 
-    def _change(self, state: State, reason: Reason | None) -> Reason:
-        """Enter a state. Returns the reason of a release."""
+    def _decide(self) -> None:
+        """Ask the transition function, and enter the state it names."""
+        state, reason = authority.advance(self._state, self._known())
+        if state is self._state:
+            return
         if state is State.CHECKING:
             self._began_s = self._now_s
         elif state is State.STANDBY and self._sample is not None:
@@ -323,11 +330,12 @@ class FlightProcess:
         elif state is State.ENGAGED:
             self._take_over()
         self._state = state
-        if reason is None:
-            detail = f"{self._pose.message} at {self._meter.rate_hz:.0f} Hz" if self._meter.done else ""
-            self._event(state.name.lower(), detail)
-            self._say(f"{state.name.lower()} {detail}".strip())
-        return reason or Reason.OPERATOR
+        if reason is not None:
+            self._reason = reason
+            return
+        detail = f"{self._pose.message} at {self._meter.rate_hz:.0f} Hz" if self._meter.done else ""
+        self._event(state.name.lower(), detail)
+        self._say(f"{state.name.lower()} {detail}".strip())
 
     def _take_over(self) -> None:
         """A bumpless start from the last sample."""
@@ -349,10 +357,11 @@ class FlightProcess:
             mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, f"companion: {reason.value}".encode()),
             self._time_us(),
         )
-        asked_s, until_s = -math.inf, time.monotonic() + _RELEASE_S
-        while self._port.mode == Mode.OFFBOARD and time.monotonic() < until_s:
-            if time.monotonic() - asked_s > 0.25:
-                asked_s = time.monotonic()
+        began_s = time.monotonic()
+        ask_s = began_s + _LISTEN_S  # a pilot's switch may be waiting in the queue, and must not be overruled
+        while self._port.mode == Mode.OFFBOARD and time.monotonic() < began_s + _RELEASE_S:
+            if time.monotonic() >= ask_s:
+                ask_s += 0.25
                 self._port.send(px4.set_mode(*self._ids, Mode.HOLD), self._time_us())
             for frame in self._port.frames(self._port.receive(), self._time_us()):
                 if not self._port.note(frame) and self._lockstep and frame.message_id == ODOMETRY.message_id:
