@@ -11,9 +11,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from companion.mavlink.px4 import Result
 from sitl.commander import Commander
 from sitl.geodesy import GlobalPosition, to_local
-from sitl.modes import AUTO_MODES, STICK_MODES, LandedState, Mode, Result, Severity, from_main_sub
+from sitl.modes import AUTO_MODES, STICK_MODES, LandedState, Mode, Severity, from_main_sub
 from sitl.navigator import Home, Navigator
 from sitl.parameters import Parameters
 from sitl.position_hold import AttitudeThrust, attitude_from_acceleration

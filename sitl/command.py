@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from pathlib import Path
 
 from rich.console import Console
@@ -22,6 +23,7 @@ from sitl.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
 from sitl.server import LockstepTimeoutError, serve
 
 PX4_ONBOARD_PORT = 14580
+_REFRESH_S = 0.25
 
 
 def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
@@ -93,13 +95,13 @@ def _fly_one(config: Config, arguments: argparse.Namespace, folder: Path, contro
     # Refreshed by hand from the loop's status: a refresh thread would cost the loop its latency.
     with Progress(*columns, console=console, auto_refresh=False) as progress:
         task = progress.add_task(f"flying {controller} MRAC", total=total, note="")
-        shown = 0.0
+        refresh_at_s = 0.0
 
         def on_status(status: Status) -> None:
-            nonlocal shown
-            progress.update(task, completed=status.elapsed_s, note=f"{status.state.name.lower()}")
-            if status.elapsed_s == 0.0 or status.elapsed_s - shown > 0.5:
-                shown = status.elapsed_s
+            nonlocal refresh_at_s
+            if time.monotonic() >= refresh_at_s:  # drawing the bar takes as long as ten ticks
+                refresh_at_s = time.monotonic() + _REFRESH_S
+                progress.update(task, completed=status.elapsed_s, note=status.state.name.lower())
                 progress.refresh()
 
         outcome = fly(
@@ -112,7 +114,7 @@ def _fly_one(config: Config, arguments: argparse.Namespace, folder: Path, contro
             port=arguments.port or 0,
             on_status=on_status,
         )
-        progress.update(task, note=f"{outcome.realtime_factor:.1f} x real time")
+        progress.update(task, completed=outcome.summary.engaged_s, note=f"{outcome.realtime_factor:.1f} x real time")
         progress.refresh()
     if not outcome.complete:
         console.print(f"[bold red]{controller} MRAC did not finish: {outcome.summary.detail}[/bold red]")

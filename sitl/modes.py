@@ -27,16 +27,6 @@ class Mode(IntEnum):
     LAND = 18
 
 
-class Result(IntEnum):
-    """MAV_RESULT."""
-
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
-
-
 class LandedState(IntEnum):
     """MAV_LANDED_STATE."""
 

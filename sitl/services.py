@@ -9,8 +9,9 @@ from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Frame, Layout, decode_cold
+from companion.mavlink.px4 import Result
 from sitl.autopilot import Autopilot, Command
-from sitl.modes import Result, Severity
+from sitl.modes import Severity
 from sitl.parameters import HASH_NAME, WireParameter
 from sitl.streams import NEVER_US, Streams
 from sitl.telemetry import Telemetry

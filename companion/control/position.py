@@ -37,15 +37,6 @@ class PositionState(NamedTuple):
     thrust_ratio: float  # commanded thrust over hover
 
 
-class PositionOutput(NamedTuple):
-    """The set-point, and what each axis thought."""
-
-    setpoint: AttitudeSetpoint
-    x: mrac.AxisOutput
-    y: mrac.AxisOutput
-    limited: bool  # the tilt or the thrust limit cut the command
-
-
 class Horizontal(NamedTuple):
     """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes."""
 
@@ -55,6 +46,16 @@ class Horizontal(NamedTuple):
     y_m: float
     vy_m_s: float
     wy: float
+
+
+class PositionOutput(NamedTuple):
+    """The set-point, what was measured, and what each axis thought of it."""
+
+    setpoint: AttitudeSetpoint
+    measured: Horizontal
+    x: mrac.AxisOutput
+    y: mrac.AxisOutput
+    limited: bool  # the tilt or the thrust limit cut the command
 
 
 def in_control_frame(
@@ -121,4 +122,4 @@ def step(
     next_state = PositionState(
         x, y, vertical, state.anchor_x_m, state.anchor_y_m, state.yaw_rad, thrust / params.hover_thrust
     )
-    return next_state, PositionOutput(setpoint, out_x, out_y, limited)
+    return next_state, PositionOutput(setpoint, now, out_x, out_y, limited)

@@ -194,9 +194,7 @@ class FlightProcess:
         self._control = control
         latency = self._send(sample, setpoint)
         x, y = control.x, control.y
-        at = position.in_control_frame(
-            sample, control.anchor_x_m, control.anchor_y_m, control.yaw_rad, control.thrust_ratio
-        )
+        at = out.measured
         self._error_m = math.hypot(
             at.x_m - x.ideal_position_m, 0.0 if self._params.one_axis else at.y_m - y.ideal_position_m
         )

@@ -8,10 +8,11 @@ from typing import Final
 
 import pytest
 
+from companion.mavlink.px4 import Result
 from sitl.attitude_loop import AngleGains, RateGains, Response
 from sitl.autopilot import Autopilot, Command
 from sitl.geodesy import GlobalPosition, to_global, to_local
-from sitl.modes import LandedState, Mode, Result, custom_mode, from_main_sub, standard_mode
+from sitl.modes import LandedState, Mode, custom_mode, from_main_sub, standard_mode
 from sitl.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
 from sitl.position_hold import attitude_from_acceleration, yaw_of
 from sitl.quadrotor import QuadrotorParams

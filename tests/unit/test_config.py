@@ -383,7 +383,7 @@ def known_gap(reason: str) -> pytest.MarkDecorator:
         f"tick: {{rate_hz: {'9' * 5000}}}\n",
         "? [a, b]\n: 1\n",
         "vehicle: &v {kind: *v}\n",
-        "vehicle: " + "[" * 3000,
+        "vehicle: " + "[" * 600,
     ],
     ids=["date", "int", "timestamp", "digits", "list as key", "alias of itself", "depth"],
 )
@@ -427,3 +427,15 @@ def test_half_a_second_order_response_beside_a_bandwidth_is_refused() -> None:
 @pytest.mark.parametrize("override", [".=5", " =5", "tick.=5"])
 def test_an_override_with_an_empty_key_is_refused_as_written(override: str) -> None:
     assert f"--set {override}" in complaint(RIG, override)
+
+
+@known_gap("the first complaint about a mistyped key is that the right one is missing")
+def test_a_mistyped_key_is_what_is_named(tmp_path: Path) -> None:
+    text = RIG.read_text().replace("  rate_hz: 1000", "  rate: 1000")
+    assert complaint_about(text, tmp_path).startswith(": tick.rate: unknown key")
+
+
+@known_gap("of a number or a pair, only what is wrong with it as a number is told")
+@pytest.mark.parametrize(("bound", "reason"), [("[1, .nan]", "finite"), ("[low, 1]", "'low'")])
+def test_what_is_wrong_with_a_pair_is_told(bound: str, reason: str) -> None:
+    assert reason in complaint(RIG, f"controller.axes.x.position_weight_bound={bound}")
