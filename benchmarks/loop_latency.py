@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from autopilot import BY_ECHO, BY_THRUST, BY_TIME, Answer, Autopilot
-from processes import Candidate, free_port, wait
+from processes import Candidate, OtherWork, free_port, wait
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -158,7 +158,7 @@ def quiet_memory() -> Iterator[None]:
         gc.enable()
 
 
-def table(rows: dict[float, dict[str, dict[str, Any]]]) -> Table:
+def table(rows: dict[float, dict[str, dict[str, Any]]], others_percent: float) -> Table:
     shown = Table(title="Telemetry in to set-point out, µs")
     columns = ("candidate", "Hz", "median", "p99", "CPU %", "alone", "÷ C", "÷ mavsdk")
     for column in columns:
@@ -170,7 +170,10 @@ def table(rows: dict[float, dict[str, dict[str, Any]]]) -> Table:
             times = (f"{row['median_us']:.0f}", f"{row['p99_us']:.0f}")
             shown.add_row(name, f"{rate_hz:g}", *times, *cells)
         shown.add_section()
-    shown.caption = "CPU: of one core, with the log writer; alone: without it"
+    shown.caption = (
+        "CPU: of one core, with the log writer; alone: without it. "
+        f"Other work took {others_percent:.0f} % of the machine: it cools caches, and raises every figure."
+    )
     return shown
 
 
@@ -185,8 +188,11 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     arguments = parser.parse_args()
 
-    console = Console(stderr=True)
-    with tempfile.TemporaryDirectory() as name, Progress(console=console, transient=True) as progress:
+    console = Console(stderr=True)  # its progress bar has no thread: nothing runs beside the driver
+    with (
+        tempfile.TemporaryDirectory() as name,
+        Progress(console=console, transient=True, auto_refresh=False) as progress,
+    ):
         folder = Path(name)
         chosen = [
             kind
@@ -194,20 +200,22 @@ def main() -> None:
             if not arguments.only or any(part in kind.name for part in arguments.only)
         ]
         results = {kind.name: {rate: Result() for rate in arguments.rates} for kind in chosen}
+        others = OtherWork()
         task = progress.add_task("", total=arguments.rounds * len(chosen))
-        progress.stop()  # its thread must not run beside the driver
         for _ in range(arguments.rounds):
             for kind in chosen:
                 run_once(kind, arguments.rates, arguments.seconds / arguments.rounds, folder, results[kind.name])
                 progress.update(task, advance=1, description=kind.name, refresh=True)
+        others_percent = others.percent()
     rows = {}
     for rate in arguments.rates:
         reference = [results[name][rate] if name in results else None for name in (FLOOR, RIVAL)]
         rows[rate] = {name: by_rate[rate].row(*reference) for name, by_rate in results.items()}
     if arguments.json:
-        print(json.dumps({"config": arguments.config.name, "rates_hz": {f"{rate:g}": rows[rate] for rate in rows}}))
+        by_rate = {f"{rate:g}": rows[rate] for rate in rows}
+        print(json.dumps({"config": arguments.config.name, "other_work_percent": others_percent, "rates_hz": by_rate}))
     else:
-        Console().print(table(rows))
+        Console().print(table(rows, others_percent))
 
 
 if __name__ == "__main__":

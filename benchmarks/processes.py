@@ -74,6 +74,26 @@ def descendants(pid: int) -> list[int]:
     return found[1:]
 
 
+class OtherWork:
+    """How busy the machine is with what is not ours, since this was made: figures from a busy one are no figures."""
+
+    def __init__(self) -> None:
+        self._before = self._now()
+
+    def percent(self) -> float:
+        """Of all cores; children count as ours once they have ended."""
+        all_s, busy_s, ours_s = (now - then for now, then in zip(self._now(), self._before, strict=True))
+        return round(max(0.0, 100.0 * (busy_s - ours_s) / all_s), 1) if all_s else 0.0
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        user, nice, system, idle, iowait, irq, softirq, steal = (
+            int(text) / _TICKS_PER_S for text in Path("/proc/stat").read_text().split()[1:9]
+        )
+        busy = user + nice + system + irq + softirq + steal
+        return busy + idle + iowait, busy, sum(os.times()[:4])
+
+
 def _stat(pid: int) -> list[str]:
     """Fields of /proc/PID/stat from the state on; none when the process has gone."""
     try:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from companion.config import Config, ConfigError
-from companion.flight.process import Status
+from companion.flight.runtime import Status
 from companion.mavlink.link import LinkError
 from companion.record.folder import new_folder
 from sitl.autopilot import Autopilot

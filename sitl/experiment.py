@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from companion.config import Config
 from companion.flight.authority import Reason
-from companion.flight.process import FlightProcess, Status, Summary
+from companion.flight.process import FlightProcess
+from companion.flight.runtime import Status, Summary
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
 from companion.record.reader import Flight, read_flight

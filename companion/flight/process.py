@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import gc
 import math
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import NamedTuple
+from collections.abc import Callable
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.schema import Config
-from companion.control import attitude, position
-from companion.control.types import AttitudeSetpoint, Command, Odometry
+from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight import authority, guards
 from companion.flight.authority import Known, Reason, State
 from companion.flight.engage import Engagement, Seen, plan
-from companion.flight.mission import Mission
+from companion.flight.pilot import Pilot, record_standby
 from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
 from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource, RateMeter
-from companion.flight.setup import initial_weights, position_params
+from companion.flight.runtime import Status, Summary, quiet_memory, stop_signals
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame, decode_cold
 from companion.mavlink.link import Link, LinkError
 from companion.mavlink.px4 import Mode
 from companion.record.recorder import EVENT, TICK, Recorder
-from companion.record.schema import CDR_HEADER, FLOATS, pack_event, pack_tick
+from companion.record.schema import pack_event
 
 _HOUSEKEEPING_S = 0.05
 _HEARTBEAT_S = 1.0
@@ -36,27 +31,6 @@ _CHECK_S = 5.0  # how long the odometry may take to reach the floor
 _LISTEN_S = 0.1  # before that, what the vehicle says is heard out
 _RELEASE_S = 2.0  # how long Hold is asked for before silence has to do
 _LOCKSTEP_SILENCE_S = 15.0
-_NO_CONTROL = (math.nan,) * sum(field.size for field in FLOATS[7:19])
-
-
-class Status(NamedTuple):
-    """What a person watching wants to know; handed to `on_status` at 10 Hz or slower."""
-
-    state: State
-    mode: int
-    armed: bool
-    elapsed_s: float  # in control
-    rate_hz: float
-    error_m: float  # horizontal distance from the ideal reference
-
-
-class Summary(NamedTuple):
-    """How a flight ended."""
-
-    reason: Reason
-    detail: str
-    engaged_s: float
-    ticks: int
 
 
 class FlightProcess:
@@ -83,8 +57,7 @@ class FlightProcess:
         self._on_status = on_status
         self._say = say
         self._port = Port(config, link, recorder)
-        self._params = position_params(config, hedging=config.controller.hedging if hedging is None else hedging)
-        self._mission = Mission(config.mission)
+        self._pilot = Pilot(config, hedging=config.controller.hedging if hedging is None else hedging)
         ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._ids = ids
         self._engagement = Engagement(plan(*ids, can_fly=config.vehicle.kind == "quadrotor")) if engage else None
@@ -95,12 +68,7 @@ class FlightProcess:
         self._reason = Reason.OPERATOR
         self._detail = ""
         self._sample: Odometry | None = None
-        self._control: position.PositionState | None = None
-        self._origin = Command(0.0, 0.0, 0.0, 0.0)
         self._ground_z_m = 0.0
-        self._engaged_at_s = 0.0
-        self._elapsed_s = 0.0
-        self._error_m = 0.0
         self._ticks = 0
         self._now_s = time.monotonic() if not lockstep else 0.0
         self._began_s = self._pose_at_s = self._heartbeat_at_s = self._now_s
@@ -114,7 +82,7 @@ class FlightProcess:
         """Fly. Returns when control has ended and, where it was ours to end, Hold has been asked for."""
         self._event(State.CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
         heard_s = self._began_wall_s = time.monotonic()
-        with _quiet_memory(), _signals(self.stop):
+        with quiet_memory(), stop_signals(self.stop):
             try:
                 while self._state is not State.RELEASED:
                     data = self._port.receive()
@@ -137,7 +105,7 @@ class FlightProcess:
         detail = self._detail or authority.MEANING[reason]
         self._event(f"released_{reason.value}", detail)
         self._say(f"released: {reason.value} ({detail})")
-        return Summary(reason, detail, self._elapsed_s, self._ticks)
+        return Summary(reason, detail, self._pilot.elapsed_s, self._ticks)
 
     # -- what comes in ------------------------------------------------------------------------------------------------
 
@@ -172,70 +140,39 @@ class FlightProcess:
         if self._lockstep:
             self._now_s = received_s = sample.time_s
         self._pose_at_s = received_s
-        if self._state is State.ENGAGED and self._control is not None:
-            self._fly(sample, self._control, dt)
+        if self._state is State.ENGAGED:
+            self._fly(sample, dt)
             return
         if self._state is State.CHECKING:
             self._meter.take(sample.time_s)
         if self._state is not State.CHECKING or self._lockstep:
             self._stand_by(sample, dt)
 
-    def _fly(self, sample: Odometry, control: position.PositionState, dt: float) -> None:
+    def _fly(self, sample: Odometry, dt_s: float) -> None:
         """In control: the paper's step, then out with it, then the record."""
-        self._elapsed_s = sample.time_s - self._engaged_at_s
-        if self._mission.over(self._elapsed_s):
-            self._fault = self._fault or Reason.MISSION_COMPLETE
-        command = self._mission.command(self._elapsed_s, self._origin)
-        control, out = position.step(self._params, control, sample, command, dt)
-        setpoint = out.setpoint
+        setpoint = self._pilot.step(sample, dt_s)
         if not guards.all_finite(setpoint):
             self._fault = Reason.NON_FINITE
             return
-        self._control = control
-        latency = self._send(sample, setpoint)
-        x, y = control.x, control.y
-        at = out.measured
-        self._error_m = math.hypot(
-            at.x_m - x.ideal_position_m, 0.0 if self._params.one_axis else at.y_m - y.ideal_position_m
-        )
-        self._record(
-            sample, dt, command, setpoint, latency, out.limited,
-            (
-                at.x_m, at.y_m, at.vx_m_s, at.vy_m_s, x.command_m, y.command_m,
-                x.ideal_position_m, y.ideal_position_m, x.ideal_velocity_m_s, y.ideal_velocity_m_s,
-                x.reference_position_m, y.reference_position_m, x.reference_velocity_m_s, y.reference_velocity_m_s,
-                x.position_weight, y.position_weight, x.velocity_weight, y.velocity_weight,
-                x.control, y.control, x.actuator, y.actuator, out.x.deficit, out.y.deficit,
-            ),
-        )  # fmt: skip
+        if self._pilot.mission_over:
+            self._fault = self._fault or Reason.MISSION_COMPLETE
+        latency_s = self._send(sample, setpoint)
+        self._record(self._pilot.record(sample, dt_s, setpoint, latency_s, self._state))
 
-    def _stand_by(self, sample: Odometry, dt: float) -> None:
+    def _stand_by(self, sample: Odometry, dt_s: float) -> None:
         """Stream what is safe to be switched to: the attitude as it is; hover thrust when armed, none otherwise."""
-        setpoint = AttitudeSetpoint(
-            sample.qw, sample.qx, sample.qy, sample.qz, self._config.vehicle.hover_thrust if self._port.armed else 0.0
-        )
-        latency = self._send(sample, setpoint)
-        self._record(sample, dt, Command(math.nan, math.nan, math.nan, math.nan), setpoint, latency, False, _NO_CONTROL)
+        thrust = self._config.vehicle.hover_thrust if self._port.armed else 0.0
+        setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
+        latency_s = self._send(sample, setpoint)
+        self._record(record_standby(sample, dt_s, setpoint, latency_s, self._state))
 
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""
         self._port.send_setpoint(round(sample.time_s * 1e3) & 0xFFFFFFFF, *setpoint, self._time_us())
         return 0.0 if self._lockstep else time.monotonic() - self._now_s
 
-    def _record(
-        self,
-        sample: Odometry,
-        dt: float,
-        command: Command,
-        setpoint: AttitudeSetpoint,
-        latency: float,
-        limited: bool,
-        control: tuple[float, ...],
-    ) -> None:
+    def _record(self, tick: bytes) -> None:
         self._ticks += 1
-        tick = pack_tick(
-            CDR_HEADER, sample.time_s, dt, *sample[1:], *command, *control, *setpoint, latency, self._state, limited
-        )
         self._recorder.add(TICK, self._time_us(), tick)
 
     # -- what goes on beside it ---------------------------------------------------------------------------------------
@@ -271,7 +208,7 @@ class FlightProcess:
         if self._on_status is not None:
             rate = self._meter.rate_hz
             self._on_status(
-                Status(self._state, self._port.mode, self._port.armed, self._elapsed_s, rate, self._error_m)
+                Status(self._state, self._port.mode, self._port.armed, self._pilot.elapsed_s, rate, self._pilot.error_m)
             )
         self._recorder.flush()
 
@@ -325,8 +262,8 @@ class FlightProcess:
             self._began_s = self._now_s
         elif state is State.STANDBY and self._sample is not None:
             self._ground_z_m = self._sample.z_m
-        elif state is State.ENGAGED:
-            self._take_over()
+        elif state is State.ENGAGED and self._sample is not None:
+            self._pilot.take_over(self._sample)
         self._state = state
         if reason is not None:
             self._reason = reason
@@ -334,18 +271,6 @@ class FlightProcess:
         detail = f"{self._pose.message} at {self._meter.rate_hz:.0f} Hz" if self._meter.done else ""
         self._event(state.name.lower(), detail)
         self._say(f"{state.name.lower()} {detail}".strip())
-
-    def _take_over(self) -> None:
-        """A bumpless start from the last sample."""
-        sample = self._sample
-        assert sample is not None  # STANDBY is reached by samples
-        yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
-        self._origin = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
-        self._engaged_at_s = sample.time_s
-        params = self._params
-        self._control = position.engage(
-            sample, yaw, initial_weights(self._config, params.x), initial_weights(self._config, params.y)
-        )
 
     def _let_go(self, reason: Reason) -> None:
         """Hold, unless somebody else has taken over; then silence, which PX4's own failsafe understands."""
@@ -371,28 +296,3 @@ class FlightProcess:
     def _time_us(self) -> int:
         """Time stamp of records: wall clock, or the samples' own in lockstep."""
         return round(self._now_s * 1e6) if self._lockstep else time.time_ns() // 1000
-
-
-@contextmanager
-def _quiet_memory() -> Iterator[None]:
-    """No garbage collection in flight: the tick leaves no cycles behind."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
-
-
-@contextmanager
-def _signals(stop: Callable[[], None]) -> Iterator[None]:
-    """SIGINT and SIGTERM ask for a release instead of ending the process."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: stop()) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
