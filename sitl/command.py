@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import struct
 import time
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from companion.mavlink.link import LinkError
 from companion.record.folder import new_folder
 from sitl.autopilot import Autopilot
 from sitl.build import build_vehicle
-from sitl.experiment import Outcome, PlantError, fly
+from sitl.experiment import ExperimentError, Outcome, fly
 from sitl.parameters import Parameters
 from sitl.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
 from sitl.server import LockstepTimeoutError, serve
@@ -29,11 +30,15 @@ _REFRESH_S = 0.25
 def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
     """The plant alone, until a signal stops it. Its first line on stdout tells where it is."""
     assert config.plant is not None  # the caller has checked
-    overrides = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
+    ids = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
     try:
-        parameters = Parameters({**overrides, "MPC_THR_HOVER": config.vehicle.hover_thrust, **config.plant.parameters})
-    except (KeyError, TypeError) as error:
-        raise ConfigError(f"{arguments.config}: plant.parameters: {error.args[0]}") from None
+        parameters = Parameters({"MPC_THR_HOVER": config.vehicle.hover_thrust, **config.plant.parameters, **ids})
+    except KeyError as error:
+        raise ConfigError(f"{arguments.config}: plant.parameters: the plant has no parameter {error}") from None
+    except TypeError as error:
+        raise ConfigError(f"{arguments.config}: plant.parameters: {error}") from None
+    except (OverflowError, struct.error):
+        raise ConfigError(f"{arguments.config}: plant.parameters: a value does not fit into 32 bits") from None
     port = PX4_ONBOARD_PORT if arguments.port is None else arguments.port
     station_port = arguments.gcs_port
     if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
@@ -67,7 +72,7 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
     try:
         for controller in controllers:
             outcomes[controller] = _fly_one(config, arguments, folder, controller, console)
-    except PlantError as error:
+    except ExperimentError as error:
         raise LinkError(str(error)) from None
     flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
     from sitl.figures import draw_paper_figures  # noqa: PLC0415 - matplotlib takes its time

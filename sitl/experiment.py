@@ -24,8 +24,8 @@ from sitl.metrics import Metrics, score
 _READY_S = 20.0
 
 
-class PlantError(Exception):
-    """The plant did not start; the message is one line."""
+class ExperimentError(Exception):
+    """The plant did not start, or the log is incomplete; the message is one line."""
 
 
 class Outcome(NamedTuple):
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
 def plant(
     config_path: Path, overrides: tuple[str, ...], *, lockstep: bool, port: int
 ) -> Iterator[tuple[int, subprocess.Popen[str]]]:
-    """A plant in a process of its own; yields the UDP port it listens on, and the process. Raises `PlantError`."""
+    """A plant in a process of its own; yields the UDP port it listens on, and the process. Raises `ExperimentError`."""
     arguments = [sys.executable, "-m", "companion", "sitl", str(config_path), "--serve", "--port", str(port)]
     arguments += ["--lockstep"] if lockstep else []
     for override in overrides:
@@ -70,7 +70,7 @@ def plant(
         if "udp port" not in line:
             process.kill()
             complaint = process.stderr.read().strip().splitlines()
-            raise PlantError(complaint[-1] if complaint else "the plant did not start")
+            raise ExperimentError(complaint[-1].removeprefix("companion: ") if complaint else "the plant did not start")
         yield int(line.rsplit(maxsplit=1)[-1]), process
     finally:
         process.terminate()
@@ -107,7 +107,7 @@ def fly(
     port: int = 0,
     on_status: Callable[[Status], None] | None = None,
 ) -> Outcome:
-    """Fly the config's mission with one controller, `hedged` or `standard`. Raises `PlantError` or `LinkError`."""
+    """Fly the config's mission with one controller, `hedged` or `standard`. Raises `ExperimentError` or `LinkError`."""
     with contextlib.ExitStack() as open_things:
         recorder = open_folder(folder, config_path, config, blocking=lockstep)
         open_things.callback(recorder.close)
@@ -130,7 +130,7 @@ def fly(
         wall_s = time.monotonic() - began_s
     complaint = recorder.close()
     if complaint is not None:
-        raise OSError(complaint)
+        raise ExperimentError(complaint)
     flight = read_flight(folder)
     ticks = flight.ticks
     flown_s = float(ticks["time_s"][-1] - ticks["time_s"][0]) if len(ticks) else 0.0

@@ -175,7 +175,7 @@ class Parameters:
         if isinstance(self._values[name], int):
             if not isinstance(value, int):
                 raise TypeError(f"{name} is an int32 parameter, got {value!r}")
-            self._values[name] = value
+            (self._values[name],) = _I32.unpack(_I32.pack(value))
         else:
             self._values[name] = _as_float32(value)
 

@@ -19,24 +19,32 @@ class ConfigError(Exception):
 class _UniqueKeys(yaml.SafeLoader):
     """YAML that refuses a key given twice, where PyYAML would silently keep the last."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        seen: set[tuple[str, str]] = set()
+        for key_node, _ in node.value:  # as written: what a merge key brings in comes later and may be overridden
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.composer.ComposerError(None, None, "a key must be a word", key_node.start_mark)
+            key = (key_node.tag, key_node.value)
             if key in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key} given twice", key_node.start_mark)
+                raise yaml.composer.ComposerError(None, None, f"key {key_node.value} given twice", key_node.start_mark)
             seen.add(key)
-        return super().construct_mapping(node, deep)
+        return node
+
+
+# PyYAML lets its constructors' own errors out: a date of month 13, an integer that is none, nesting without end.
+_NOT_YAML = (yaml.YAMLError, ValueError, TypeError, AttributeError, RecursionError)
 
 
 def parse_override(text: str) -> tuple[list[str], Any]:
     """``a.b.c=value`` from the command line as the path of a key and its YAML value."""
     path, equals, value = text.partition("=")
-    if not equals or not path:
+    keys = [key.strip() for key in path.split(".")]
+    if not equals or not all(keys):
         raise ConfigError(f"--set {text}: write it as section.key=value")
     try:
-        return path.strip().split("."), yaml.safe_load(value)
-    except yaml.YAMLError:
+        return keys, yaml.safe_load(value)
+    except _NOT_YAML:
         raise ConfigError(f"--set {text}: {value!r} is not a YAML value") from None
 
 
@@ -59,8 +67,17 @@ def _apply(data: dict[str, Any], path: list[str], value: Any) -> None:
 def _one_line(error: ValidationError) -> str:
     """The first thing wrong, and how many more there are."""
     problems = error.errors()
-    first = problems[0]
-    key = ".".join(str(part) for part in first["loc"] if not str(part).startswith(("tuple[", "constrained", "float")))
+    # An unknown key explains a missing one; the deeper complaint about a union is the one about what was meant.
+    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
+    stem = [part for part in first["loc"] if not str(part).startswith(("tuple[", "constrained", "float", "function-"))]
+    first = max(
+        (p for p in problems if list(p["loc"])[: len(stem)] == stem), key=lambda p: len(p["loc"]), default=first
+    )
+    key = ".".join(
+        repr(part)[1:-1] if isinstance(part, str) else str(part)
+        for part in first["loc"]
+        if not str(part).startswith(("tuple[", "constrained", "float", "function-"))
+    )
     if first["type"] == "extra_forbidden":
         text = f"{key}: unknown key"
     elif first["type"] == "missing":
@@ -88,15 +105,14 @@ def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise ConfigError(f"{path}: {reason}") from None
     try:
-        data = yaml.load(text, Loader=_UniqueKeys)
-    except yaml.YAMLError as error:
+        data = _unshared(yaml.load(text, Loader=_UniqueKeys))
+    except _NOT_YAML as error:
         mark = getattr(error, "problem_mark", None)
         where = f" line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or "not valid YAML"
         raise ConfigError(f"{path}{where}: {problem}") from None
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: not a config (a mapping of sections is expected)")
-    data = _unshared(data)
     for override in overrides:
         _apply(data, *parse_override(override))
     try:

@@ -26,7 +26,8 @@ class Angle(PlantPart):
     @model_validator(mode="after")
     def _one_of_two(self) -> Angle:
         second = self.natural_frequency_rad_s is not None and self.damping_ratio is not None
-        if (self.bandwidth_rad_s is not None) == second:
+        partly = self.natural_frequency_rad_s is not None or self.damping_ratio is not None
+        if (self.bandwidth_rad_s is not None) == second or partly != second:
             raise ValueError("give either bandwidth_rad_s, or natural_frequency_rad_s and damping_ratio")
         return self
 

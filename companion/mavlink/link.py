@@ -19,7 +19,7 @@ from typing import Protocol
 import serial
 
 _DATAGRAM_BYTES = 2048
-_URL = re.compile(r"(?P<kind>udpin|udpout|serial)://(?P<place>.+):(?P<number>\d+)$")
+_URL = re.compile(r"(?P<kind>udpin|udpout|serial)://(?P<place>.+):(?P<number>[0-9]+)")
 
 
 class LinkError(Exception):
@@ -66,6 +66,7 @@ class UdpLink:
             raise LinkError(f"link {name}: {hint}") from None
         self._locked = peer is not None
         # A kernel timeout costs one system call a receive, where Python's own would poll first.
+        timeout_s = max(timeout_s, 1e-3)  # all zero would mean for ever
         seconds = int(timeout_s)
         timeout = struct.pack("ll", seconds, int((timeout_s - seconds) * 1e6))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
@@ -111,13 +112,14 @@ class SerialLink:
         self.name = name
         try:
             self._tty = serial.Serial(device, baud, timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, OverflowError) as error:
             reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
             raise LinkError(f"link {name}: cannot open {device}: {reason}") from None
         self._fd: int = self._tty.fileno()
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._timeout_ms = max(1, round(timeout_s * 1e3))
+        self._unsent = b""
 
     def receive(self) -> bytes:
         try:
@@ -134,7 +136,10 @@ class SerialLink:
 
     def send(self, data: bytes) -> None:
         try:
-            os.write(self._fd, data)
+            if self._unsent:  # the rest of a frame that the line took in part comes first, or both are lost
+                self._unsent = self._unsent[os.write(self._fd, self._unsent) :]
+            if not self._unsent:
+                self._unsent = data[os.write(self._fd, data) :]
         except BlockingIOError:
             pass  # the line is full: an old set-point is worth nothing, the next one follows
         except OSError as error:
@@ -153,19 +158,21 @@ def open_link(url: str, timeout_s: float = 0.02) -> Link:
 
     `timeout_s` bounds how long `receive` blocks. Raises `LinkError` with one line that says what to do.
     """
-    match = _URL.match(url)
+    match = _URL.fullmatch(url)
     if match is None:
         raise LinkError(
             f"link {url}: not a link URL (udpin://0.0.0.0:14540, udpout://host:14580 or serial:///dev/ttyAMA0:921600)"
         )
     kind, place, number = match["kind"], match["place"], int(match["number"])
     if kind == "serial":
+        if number == 0:
+            raise LinkError(f"link {url}: 0 is not a baud rate")
         return SerialLink(url, timeout_s, device=place, baud=number)
     if not 0 < number < 65536:
         raise LinkError(f"link {url}: {number} is not a UDP port")
     try:
         address = (socket.gethostbyname(place), number)
-    except OSError:
+    except (OSError, UnicodeError):
         raise LinkError(f"link {url}: no such host {place}") from None
     if kind == "udpin":
         return UdpLink(url, timeout_s, bind=address, peer=None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from pathlib import Path
 
@@ -12,13 +13,24 @@ from companion.record.recorder import Recorder
 
 
 def new_folder(parent: Path, label: str) -> Path:
-    """A folder name that says when and what, and that nobody has used yet."""
+    """Make a folder whose name says when and what, and that nobody else has. Raises `ConfigError`."""
     stem = f"{time.strftime('%Y-%m-%dT%H-%M-%S')}-{label}"
-    folder, count = parent / stem, 1
-    while folder.exists():
-        count += 1
-        folder = parent / f"{stem}-{count}"
+    for count in itertools.count(1):
+        folder = parent / (stem if count == 1 else f"{stem}-{count}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            if parent.is_dir():
+                continue
+            raise _cannot_write(folder, "a file is in the way") from None
+        except OSError as error:
+            raise _cannot_write(folder, error.strerror) from None
+        break
     return folder
+
+
+def _cannot_write(folder: Path, reason: str | None) -> ConfigError:
+    return ConfigError(f"{folder}: cannot write the flight folder: {reason}")
 
 
 def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bool) -> Recorder:
@@ -32,5 +44,5 @@ def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bo
         used = yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)
         (folder / "config.yaml").write_text(f"# as flown, from {config_path.name}\n{used}", encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot write the flight folder: {error.strerror}") from None
+        raise _cannot_write(folder, error.strerror) from None
     return Recorder(folder, blocking=blocking)

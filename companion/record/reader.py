@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from zstandard import ZstdError
 
 from companion.record import schema
 
@@ -45,11 +47,11 @@ def read_flight(folder: Path) -> Flight:
     events: list[Event] = []
     try:
         with path.open("rb") as stream:
-            for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
                 if channel.topic == schema.TICK_TOPIC:
                     ticks.append(message.data[len(schema.CDR_HEADER) :])
                 elif channel.topic == schema.EVENT_TOPIC:
                     events.append(Event(message.log_time * 1e-9, *schema.unpack_event(message.data)))
-    except McapError as error:
+    except (McapError, ZstdError, KeyError, struct.error) as error:
         raise ValueError(f"{path}: not a readable flight log ({error})") from None
     return Flight(np.frombuffer(b"".join(ticks), dtype=tick_dtype()), events)

@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import select
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Final
 
@@ -52,7 +54,7 @@ class Recorder:
     def add(self, kind: int, time_us: int, data: bytes) -> None:
         """One record. Costs a copy; a system call only when a chunk is full."""
         pending = self._pending
-        if len(pending) > _KEEP_BYTES:
+        if self._fd < 0 or len(pending) > _KEEP_BYTES:
             self.dropped += 1
             return
         pending += self._header(kind, len(data), time_us)
@@ -82,8 +84,10 @@ class Recorder:
     def close(self, timeout_s: float = 20.0) -> str | None:
         """End the log and wait for the writer; its complaint as one line, or None. Closing twice does no harm."""
         if self._fd >= 0:
-            os.set_blocking(self._fd, True)
-            while self._pending and self._fd >= 0:
+            deadline = time.monotonic() + timeout_s
+            os.set_blocking(self._fd, False)
+            while self._pending and self._fd >= 0 and (left := deadline - time.monotonic()) > 0.0:
+                select.select([], [self._fd], [], left)
                 self.flush()
         if self._fd >= 0:
             os.close(self._fd)
@@ -96,4 +100,5 @@ class Recorder:
             return f"{self.folder}: the log writer did not finish"
         if code == 0 and not self.dropped:
             return None
-        return f"{self.folder}: the log is incomplete ({self.dropped} records dropped)"
+        what = f"{self.dropped} records dropped" if self.dropped else "the disk did not take it"
+        return f"{self.folder}: the log is incomplete: {what}"

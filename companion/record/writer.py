@@ -9,6 +9,8 @@ the pipe is drained to its end all the same.
 from __future__ import annotations
 
 import contextlib
+import io
+import signal
 import struct
 import sys
 from collections.abc import Callable, Iterator
@@ -47,6 +49,17 @@ class _File:
         self.name = name
         self.failed = False
 
+    def open(self, files: contextlib.ExitStack) -> IO[bytes]:
+        """The file; nowhere, when it cannot be opened."""
+        stream: IO[bytes] = io.BytesIO()
+
+        def opened() -> None:
+            nonlocal stream
+            stream = files.enter_context(Path(self.name).open("wb", buffering=1 << 16))  # noqa: SIM115
+
+        self.attempt(opened)
+        return stream
+
     def attempt(self, action: Callable[[], None]) -> None:
         if self.failed:
             return
@@ -73,8 +86,8 @@ def write(folder: Path, stream: IO[bytes]) -> bool:
     """Write a flight's files until the stream ends. True when all of it is on disk."""
     tlog, mcap = _File(str(folder / "traffic.tlog")), _File(str(folder / "flight.mcap"))
     with contextlib.ExitStack() as files:
-        traffic: IO[bytes] = files.enter_context(open(tlog.name, "wb", buffering=1 << 16))
-        flight: IO[bytes] = files.enter_context(open(mcap.name, "wb", buffering=1 << 16))
+        traffic = tlog.open(files)
+        flight = mcap.open(files)
         writer, tick_channel, event_channel = _open_mcap(flight)
         sequence = 0
         for kind, time_us, data in records(stream):
@@ -100,4 +113,6 @@ def _to(traffic: IO[bytes], time_us: int, frame: bytes) -> None:
 
 
 if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(0 if write(Path(sys.argv[1]), sys.stdin.buffer) else 1)

@@ -17,10 +17,6 @@ from companion.mavlink.link import Link, LinkError, open_link
 ANY_BYTES = bytes(range(256))
 
 
-def known_gap(reason: str) -> pytest.MarkDecorator:
-    return pytest.mark.xfail(reason=reason, strict=True)
-
-
 class Peer:
     """The other end of a UDP link."""
 
@@ -298,7 +294,6 @@ def test_a_full_serial_line_loses_frames_instead_of_waiting(terminal: tuple[int,
         assert time.monotonic() - began < 3.0
 
 
-@known_gap("of a frame that the line takes in part, the rest is never sent")
 def test_a_full_serial_line_carries_whole_frames_only(terminal: tuple[int, str]) -> None:
     ours, name = terminal
     parser, heard = FrameParser(stream=True), 0
@@ -335,25 +330,21 @@ def test_a_device_that_is_no_serial_line_is_named(device: str, reason: str) -> N
 # --- known gaps -----------------------------------------------------------------------------------------------------
 
 
-@known_gap("gethostbyname raises UnicodeError, which is no OSError")
 @pytest.mark.parametrize("host", ["vehicle..local", ".local", "x" * 64 + ".local"])
 def test_a_host_name_that_cannot_be_one_is_named(host: str) -> None:
     assert "no such host" in complaint(f"udpout://{host}:14580")
 
 
-@known_gap("pyserial lets an OverflowError out")
 def test_an_impossible_baud_rate_is_named(terminal: tuple[int, str]) -> None:
     _, name = terminal
     assert "cannot open" in complaint(f"serial://{name}:99999999999")
 
 
-@known_gap("B0 hangs up the line instead of setting a rate")
 def test_a_baud_rate_of_zero_is_refused(terminal: tuple[int, str]) -> None:
     _, name = terminal
     assert "0" in complaint(f"serial://{name}:0")
 
 
-@known_gap("the $ of the pattern matches before a line break at the end")
 def test_a_url_with_a_line_break_is_refused() -> None:
     with pytest.raises(LinkError, match="not a link URL"):
         open_link("udpout://127.0.0.1:14580\n").close()
