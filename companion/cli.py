@@ -31,7 +31,7 @@ def default_config() -> Path:
     return shipped if shipped.exists() else package.parent / "config" / "antx_rig.yaml"
 
 
-def _shared(parser: argparse.ArgumentParser) -> None:
+def _overrides(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -40,6 +40,10 @@ def _shared(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="override one key of the config, as in --set controller.axes.x.adaptation_rate.standard=200",
     )
+
+
+def _shared(parser: argparse.ArgumentParser) -> None:
+    _overrides(parser)
     parser.add_argument(
         "--hedging",
         action=argparse.BooleanOptionalAction,
@@ -62,6 +66,18 @@ def _build_parser() -> _Parser:
     _shared(run)
     run.set_defaults(function=_run)
 
+    check = commands.add_parser("check", help="prove, before flight, that the attitude loop is fast enough")
+    check.add_argument("config", type=Path)
+    check.add_argument("--degree", type=int, default=8, help="highest degree of the Lyapunov function (default: 8)")
+    check.add_argument("--all-degrees", action="store_true", help="the needed bandwidth of every degree up to --degree")
+    check.add_argument("--fastest", action="store_true", help="also find the fastest certified reference model")
+    check.add_argument("--out", type=Path, metavar="FILE", help="write the certificate, if there is one")
+    check.add_argument("--verify", type=Path, metavar="FILE", help="only verify this certificate against the config")
+    check.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the needed bandwidth against delay")
+    check.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    _overrides(check)
+    check.set_defaults(function=_check)
+
     sitl = commands.add_parser("sitl", help="fly the paper's experiment on the simulated plant")
     sitl.add_argument("config", type=Path, nargs="?", default=default_config())
     sitl.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")
@@ -82,6 +98,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
     config = load_config(arguments.config, tuple(arguments.overrides))
     return run_flight(config, arguments)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from companion.check import check  # noqa: PLC0415
+
+    return check(load_config(arguments.config, tuple(arguments.overrides)), arguments)
 
 
 def _sitl(arguments: argparse.Namespace) -> int:

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pydantic import Field, model_validator
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
+from companion.config.base import NonNegative, Positive, Section
 
 
-class PlantPart(BaseModel):
-    """No unknown keys, no infinities."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Angle(PlantPart):
+class Angle(Section):
     """How one angle follows its set-point when the attitude loop is replaced by a linear response."""
 
     bandwidth_rad_s: Positive | None = None
@@ -32,7 +23,7 @@ class Angle(PlantPart):
         return self
 
 
-class RateLoop(PlantPart):
+class RateLoop(Section):
     """PI_R and D_R of (7) over the inertia."""
 
     proportional_1_s: Positive
@@ -42,7 +33,7 @@ class RateLoop(PlantPart):
     integral_limit_rad_s2: NonNegative = 10.0
 
 
-class Cascade(PlantPart):
+class Cascade(Section):
     """The attitude cascade (7): K_p^R as its gain about each axis, and one rate loop for all."""
 
     roll_gain_1_s: Positive = 6.0
@@ -51,7 +42,7 @@ class Cascade(PlantPart):
     rate: RateLoop
 
 
-class RigPlant(PlantPart):
+class RigPlant(Section):
     """(27)-(28) with the friction of its guides, over the mass."""
 
     viscous_friction_1_s: NonNegative
@@ -67,7 +58,7 @@ class RigPlant(PlantPart):
         return self
 
 
-class QuadrotorPlant(PlantPart):
+class QuadrotorPlant(Section):
     """(1)-(2) with body drag."""
 
     mass_kg: Positive
@@ -86,13 +77,13 @@ class QuadrotorPlant(PlantPart):
         return self
 
 
-class Plant(PlantPart):
+class Plant(Section):
     """One of the two, the transport delay in front of its attitude loop, and its autopilot's parameters."""
 
     rig: RigPlant | None = None
     quadrotor: QuadrotorPlant | None = None
     setpoint_delay_s: NonNegative = 0.0
-    parameters: dict[str, int | float] = {}
+    parameters: dict[str, int | float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_vehicle(self) -> Plant:

@@ -5,28 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from companion.config.attitude import AttitudeSection, EnvelopeSection
+from companion.config.base import Fraction, Id, NonNegative, Positive, Section, Vector
 from companion.config.plant import Plant
-
-
-def _number(value: object) -> object:
-    if isinstance(value, bool):
-        raise ValueError("a number is wanted")
-    return value
-
-
-Positive = Annotated[float, BeforeValidator(_number), Field(gt=0.0)]
-NonNegative = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-Id = Annotated[int, BeforeValidator(_number), Field(ge=1, le=255)]
-Vector = tuple[float, float, float]
-
-
-class Section(BaseModel):
-    """No unknown keys, no infinities, no changes after loading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class VehicleSection(Section):
@@ -133,32 +116,9 @@ class ControllerSection(Section):
     hedging: bool = True
     initial_weights: Literal["zero", "nominal"] = "nominal"
     axes: Axes
+    envelope: EnvelopeSection
     altitude: AltitudeSection | None = None
     limits: Limits = Limits()
-
-
-class ResponseSection(Section):
-    """Closed-loop attitude response about one axis: first order, or second order; and its transport delay."""
-
-    bandwidth_rad_s: Positive | None = None
-    natural_frequency_rad_s: Positive | None = None
-    damping_ratio: Positive | None = None
-    delay_s: NonNegative = 0.0
-
-    @model_validator(mode="after")
-    def _one_of_two(self) -> ResponseSection:
-        second = self.natural_frequency_rad_s is not None and self.damping_ratio is not None
-        partly = self.natural_frequency_rad_s is not None or self.damping_ratio is not None
-        if (self.bandwidth_rad_s is not None) == second or partly != second:
-            raise ValueError("give either bandwidth_rad_s, or natural_frequency_rad_s and damping_ratio")
-        return self
-
-
-class AttitudeSection(Section):
-    """The tuned attitude loop, per axis: what the certificate is about."""
-
-    x: ResponseSection
-    y: ResponseSection | None = None
 
 
 class Waypoint(Section):
@@ -211,7 +171,7 @@ class PaperSection(Section):
     table: str
     hedged: PaperMetrics
     standard: PaperMetrics
-    figures: dict[str, str] = {}
+    figures: dict[str, str] = Field(default_factory=dict)
 
 
 class Config(Section):

@@ -1,0 +1,1 @@
+"""Pre-flight certificate: is the attitude loop fast enough, proven exactly."""

@@ -1,0 +1,113 @@
+"""Picture: the bandwidth that delay asks for, one curve a degree, beside what is proven unstable."""
+
+from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from companion.certify.bandwidth import minimum_bandwidth, tuned_bandwidth, with_bandwidth, with_delay
+from companion.certify.falsify import unstable_bandwidth
+from companion.certify.problem import AxisProblem
+
+
+class DelayCurves(NamedTuple):
+    """Bandwidths in rad/s over delays in s; None where nothing was found.
+
+    Attributes
+    ----------
+    delays_s
+        Transport delays.
+    needed
+        Least certified bandwidth by degree, one value a delay.
+    unstable
+        Bandwidth proven unstable, one value a delay.
+    """
+
+    delays_s: tuple[float, ...]
+    needed: Mapping[int, tuple[float | None, ...]]
+    unstable: tuple[float | None, ...]
+
+
+def delay_curves(
+    problem: AxisProblem,
+    delays_s: Sequence[Decimal],
+    degrees: Sequence[int] = (2, 4),
+    progress: Callable[[float], None] | None = None,
+) -> DelayCurves:
+    """Both bounds of the bandwidth over a range of delays.
+
+    Parameters
+    ----------
+    problem
+        Axis; its own delay is replaced.
+    delays_s
+        Delays in s.
+    degrees
+        Even degrees, rising.
+    progress
+        Called with the fraction done.
+    """
+    needed: dict[int, list[float | None]] = {degree: [] for degree in degrees}
+    unstable: list[float | None] = []
+    for index, delay in enumerate(delays_s):
+        delayed = with_delay(problem, delay)
+        below: float | None = None
+        for degree in degrees:
+            found = minimum_bandwidth(delayed, degree, below=below)
+            below = float(found.value) if found else below
+            needed[degree].append(float(found.value) if found else None)
+        shown = unstable_bandwidth(
+            partial(with_bandwidth, delayed), below or 2 * float(tuned_bandwidth(problem.response))
+        )
+        unstable.append(float(shown[0]) if shown else None)
+        if progress is not None:
+            progress((index + 1) / len(delays_s))
+    return DelayCurves(
+        tuple(float(d) for d in delays_s), {degree: tuple(values) for degree, values in needed.items()}, tuple(unstable)
+    )
+
+
+def plot_delay(problem: AxisProblem, curves: DelayCurves, path: Path | str, name: str = "") -> None:
+    """Draw the curves and the tuned point of one axis into a PNG file.
+
+    Parameters
+    ----------
+    problem
+        Axis, for its tuned bandwidth and delay.
+    curves
+        From `delay_curves`.
+    path
+        File to write.
+    name
+        Name of the axis, for the title.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    tuned, delay_ms = float(tuned_bandwidth(problem.response)), 1e3 * float(problem.response.delay_s.upper)
+    milliseconds = [1e3 * d for d in curves.delays_s]
+    unstable = [float("nan") if v is None else v for v in curves.unstable]
+    figure = Figure(figsize=(7.2, 4.6), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+
+    axes.fill_between(milliseconds, 0, unstable, color="#d9534f", alpha=0.25, linewidth=0)
+    axes.plot(milliseconds, unstable, color="#b52b27", linewidth=1.2, label="proven unstable below")
+    shades = [str(0.6 * i / max(1, len(curves.needed) - 1)) for i in reversed(range(len(curves.needed)))]
+    for (degree, values), shade in zip(curves.needed.items(), shades, strict=True):
+        line = [float("nan") if v is None else v for v in values]
+        axes.plot(milliseconds, line, color=shade, marker=".", linewidth=1.6, label=f"certified above, degree {degree}")
+    axes.plot(
+        [delay_ms], [tuned], "*", color="#1f5fbf", markersize=15, label=f"tuned: {tuned:g} rad/s, {delay_ms:g} ms"
+    )
+
+    finite = [v for values in (*curves.needed.values(), curves.unstable) for v in values if v is not None]
+    axes.set_ylim(max(0.0, 0.6 * min([tuned, *finite])), 1.08 * max([tuned, *finite]))
+    axes.set_xlim(min(milliseconds) - 1, max(milliseconds) + 1)
+    axes.set_xlabel("transport delay (ms)")
+    axes.set_ylabel("attitude bandwidth (rad/s)")
+    axes.set_title(f"Delay raises the attitude bandwidth that is needed{': axis ' + name if name else ''}", fontsize=11)
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    figure.savefig(path)

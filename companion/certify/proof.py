@@ -1,0 +1,285 @@
+"""Exact verification of a certificate, with the standard library alone.
+
+From the numbers as written in the config this rebuilds every closed-loop vertex in rationals, and checks by integer
+elimination that
+
+    P > 0   and   -(L_i^T P + P L_i) + N_i > 0   for every vertex i,
+
+the lifted inequality (25): L_i is vertex i lifted to monomials of half the degree, N_i an element of the Gram null
+space. Then z^T P z is positive and falls along every solution, however the weights move inside their bounds. No
+floating point is involved."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple
+
+from companion.certify.actuator import Matrix
+from companion.certify.assumptions import assumptions
+from companion.certify.closed_loop import axis_vertices, joint_vertices
+from companion.certify.lifting import gram_null_space, lift, monomials
+from companion.certify.problem import Problem
+from companion.certify.statement import digest, problem_of
+
+SCHEMA = 1
+MAX_DEGREE = 16
+MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
+JOINT = "joint"
+
+KEYS = {"schema", "problem", "problem_sha256", "proofs", "assumptions", "tools", "sha256"}
+PROOF_KEYS = {"degree", "time_scale", "coordinates", "lyapunov", "multipliers"}
+
+
+class Verdict(NamedTuple):
+    """Whether a certificate holds, and why in one line."""
+
+    ok: bool
+    reason: str
+
+
+class Proof(NamedTuple):
+    """A Lyapunov polynomial for a set of vertices, in exact rationals.
+
+    Attributes
+    ----------
+    degree
+        Even degree 2 d of the polynomial.
+    time_scale
+        Unit of the scaled time in s.
+    coordinates
+        (n, n) invertible T: the polynomial is written in y, x = T y.
+    lyapunov
+        Lower triangle, row by row, of the Gram matrix P over the monomials of degree d in y.
+    multipliers
+        Per vertex, one factor per relation of the Gram null space.
+    """
+
+    degree: int
+    time_scale: Fraction
+    coordinates: Matrix
+    lyapunov: tuple[Fraction, ...]
+    multipliers: tuple[tuple[Fraction, ...], ...]
+
+
+def load(path: Path | str) -> tuple[dict[str, object], str]:
+    """Read a certificate file.
+
+    Returns
+    -------
+    certificate, reason
+        The JSON object and an empty text, or an empty object and one line that says why there is none.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_unique_keys)
+    except OSError as error:
+        return {}, f"cannot read certificate {path}: {error.strerror or error}"
+    except (ValueError, RecursionError) as error:
+        return {}, f"certificate {path} is not JSON: {error}".splitlines()[0]
+    if not isinstance(content, dict):
+        return {}, f"certificate {path} is not a JSON object"
+    return content, ""
+
+
+def verify(certificate: Mapping[str, object], problem: Mapping[str, object] | None = None) -> Verdict:
+    """Verify a certificate, and that it speaks of this very problem.
+
+    Parameters
+    ----------
+    certificate
+        As loaded from `certificate.json`.
+    problem
+        The statement of the problem at hand (`companion.certify.statement.statement`); None accepts any.
+
+    Returns
+    -------
+    Verdict
+        Malformed input is refused with a reason, it never raises.
+    """
+    try:
+        return _verify(certificate, problem)
+    except (ValueError, TypeError, ArithmeticError, LookupError, AttributeError, RecursionError) as error:
+        return Verdict(False, f"certificate is malformed: {str(error).splitlines()[0] if str(error) else error!r}")
+
+
+def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | None) -> Verdict:
+    if not isinstance(certificate, Mapping) or set(certificate) != KEYS:
+        return Verdict(False, "certificate is malformed: not the keys of a certificate")
+    if certificate["schema"] != SCHEMA or isinstance(certificate["schema"], bool):
+        return Verdict(False, f"certificate schema {certificate['schema']} is not {SCHEMA}")
+    if certificate["sha256"] != digest({key: value for key, value in certificate.items() if key != "sha256"}):
+        return Verdict(False, "certificate was changed: its digest does not match")
+    if certificate["problem_sha256"] != digest(certificate["problem"]):
+        return Verdict(False, "certificate was changed: the digest of its problem does not match")
+    if problem is not None and digest(problem) != certificate["problem_sha256"]:
+        return Verdict(False, "certificate is of another config")
+
+    stated = problem_of(certificate["problem"])
+    if digest(certificate["assumptions"]) != digest(assumptions(stated)):
+        return Verdict(False, "certificate lists other assumptions than its problem makes")
+    proofs = certificate["proofs"]
+    wanted = channels(stated)
+    if not isinstance(proofs, Mapping) or set(proofs) != set(wanted):
+        return Verdict(False, f"certificate must prove exactly: {', '.join(wanted)}")
+    known: set[tuple[tuple[Matrix, ...], str]] = set()
+    degrees = []
+    for name, vertices in wanted.items():
+        proof = _proof_of(proofs[name])
+        degrees.append(f"{name} by degree {proof.degree}")
+        key = (tuple(vertices), digest(proofs[name]))
+        if key in known:  # identical axes are checked once
+            continue
+        failure = check(proof, vertices)
+        if failure:
+            return Verdict(False, f"proof of {name} fails: {failure}")
+        known.add(key)
+    return Verdict(True, "verified exactly: " + ", ".join(degrees))
+
+
+def channels(problem: Problem) -> dict[str, list[Matrix]]:
+    """Vertices of everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free."""
+    if problem.yaw_free:
+        x, y = problem.axes.values()
+        return {JOINT: joint_vertices(x, y)}
+    return {name: axis_vertices(axis) for name, axis in problem.axes.items()}
+
+
+def check(proof: Proof, vertices: Sequence[Matrix]) -> str:
+    """Check one proof exactly.
+
+    Returns
+    -------
+    str
+        Empty if it holds, else one line that says what fails.
+    """
+    half, n = proof.degree // 2, len(vertices[0])
+    if proof.degree % 2 or not 2 <= proof.degree <= MAX_DEGREE or math.comb(n + half - 1, half) > MAX_SIZE:
+        return f"degree {proof.degree} is not supported"
+    if proof.time_scale <= 0:
+        return "time scale is not positive"
+    size, relations = len(monomials(n, half)), gram_null_space(n, half)
+    if len(proof.coordinates) != n or any(len(row) != n for row in proof.coordinates):
+        return f"coordinates are not {n} by {n}"
+    if len(proof.lyapunov) != size * (size + 1) // 2:
+        return "Lyapunov matrix has the wrong size"
+    if len(proof.multipliers) != len(vertices) or any(len(m) != len(relations) for m in proof.multipliers):
+        return "multipliers do not match the vertices"
+    back = inverse(proof.coordinates)
+    if back is None:
+        return "coordinates are singular"
+
+    unit = math.lcm(*(v.denominator for v in proof.lyapunov), *(v.denominator for m in proof.multipliers for v in m))
+    p = _symmetric([int(v * unit) for v in proof.lyapunov], size)
+    if not positive_definite(p):
+        return "Lyapunov matrix is not positive definite"
+    for number, (vertex, multipliers) in enumerate(zip(vertices, proof.multipliers, strict=True)):
+        a = _product(_product(back, vertex), proof.coordinates)
+        a = tuple(tuple(entry * proof.time_scale for entry in row) for row in a)
+        common = math.lcm(*(entry.denominator for row in a for entry in row))
+        decay = _decay(p, lift([[int(entry * common) for entry in row] for row in a], half))
+        for (i, j, k, l), multiplier in zip(relations, multipliers, strict=True):  # noqa: E741
+            factor = int(multiplier * unit) * common
+            decay[j][i] += 2 * factor if i == j else factor
+            decay[l][k] -= 2 * factor if k == l else factor
+        if not positive_definite(decay):
+            return f"the polynomial does not fall at vertex {number}"
+    return ""
+
+
+def positive_definite(lower: Sequence[Sequence[int]]) -> bool:
+    """Whether a symmetric integer matrix, given by its lower triangle, is positive definite.
+
+    Fraction-free LDL^T elimination (Bareiss): the pivots are the leading principal minors, exact integers (Sylvester).
+    """
+    rows = [list(row[: i + 1]) for i, row in enumerate(lower)]
+    previous = 1
+    for k, pivot_row in enumerate(rows):
+        pivot = pivot_row[k]
+        if pivot <= 0:
+            return False
+        column = [rows[i][k] for i in range(k + 1, len(rows))]
+        for i, factor in enumerate(column, start=k + 1):
+            row = rows[i]
+            row[k + 1 :] = [
+                (pivot * entry - factor * other) // previous for entry, other in zip(row[k + 1 :], column, strict=False)
+            ]
+        previous = pivot
+    return True
+
+
+def inverse(matrix: Matrix) -> Matrix | None:
+    """Exact inverse by Gauss-Jordan elimination, or None if the matrix is singular."""
+    n = len(matrix)
+    rows = [[*row, *(Fraction(i == j) for j in range(n))] for i, row in enumerate(matrix)]
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if rows[i][k]), None)
+        if pivot is None:
+            return None
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [entry / rows[k][k] for entry in rows[k]]
+        for i in range(n):
+            if i != k and rows[i][k]:
+                rows[i] = [entry - rows[i][k] * other for entry, other in zip(rows[i], rows[k], strict=True)]
+    return tuple(tuple(row[n:]) for row in rows)
+
+
+def _decay(p: list[list[int]], lifted: list[dict[int, int]]) -> list[list[int]]:
+    """Lower triangle of -2 (L^T P + P L): twice, so that the null space needs no halves."""
+    size = len(p)
+    product = [[0] * size for _ in range(size)]
+    for k, row in enumerate(lifted):
+        for column, entry in row.items():
+            for i in range(size):
+                product[i][column] += p[i][k] * entry
+    return [[-2 * (product[i][j] + product[j][i]) for j in range(i + 1)] for i in range(size)]
+
+
+def _proof_of(stated: object) -> Proof:
+    if not isinstance(stated, Mapping) or set(stated) != PROOF_KEYS:
+        raise ValueError("not the keys of a proof")
+    degree = stated["degree"]
+    if not isinstance(degree, int) or isinstance(degree, bool):
+        raise ValueError("degree is not an integer")
+    return Proof(
+        degree,
+        _rational(stated["time_scale"]),
+        tuple(_rationals(row) for row in _list(stated["coordinates"])),
+        _rationals(stated["lyapunov"]),
+        tuple(_rationals(row) for row in _list(stated["multipliers"])),
+    )
+
+
+def _rationals(stated: object) -> tuple[Fraction, ...]:
+    return tuple(_rational(item) for item in _list(stated))
+
+
+def _rational(stated: object) -> Fraction:
+    if not isinstance(stated, str) or len(stated) > 200 or not set(stated) <= set("-/0123456789"):
+        raise ValueError("a number is not a rational of the form -3/8")
+    return Fraction(stated)
+
+
+def _list(stated: object) -> list[object]:
+    if not isinstance(stated, (list, tuple)):
+        raise ValueError("a list is missing")
+    return list(stated)
+
+
+def _symmetric(lower: list[int], size: int) -> list[list[int]]:
+    position = [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in range(size)] for i in range(size)]
+    return [[lower[p] for p in row] for row in position]
+
+
+def _product(left: Matrix, right: Matrix) -> Matrix:
+    columns = list(zip(*right, strict=True))
+    return tuple(
+        tuple(sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0)) for column in columns) for row in left
+    )
+
+
+def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    result = dict(pairs)
+    if len(result) != len(pairs):
+        raise ValueError("a key stands twice")
+    return result

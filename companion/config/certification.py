@@ -1,0 +1,90 @@
+"""From a config to the problem that its certificate is about. It runs in flight too, so it imports no solver."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from companion.certify.problem import (
+    NO_DELAY,
+    AttitudeResponse,
+    AxisProblem,
+    FirstOrder,
+    Interval,
+    Problem,
+    Sampling,
+    SecondOrder,
+    TransferFunction,
+    decimal,
+)
+from companion.certify.problem import interval as exact_interval
+from companion.config.attitude import ResponseSection
+from companion.config.load import ConfigError
+from companion.config.schema import AxisSection, Config, interval
+
+
+def certificate_path(config_path: Path) -> Path:
+    """Where a config's certificate is looked for: beside it, `my.yaml` and `my.certificate.json`."""
+    return config_path.with_name(f"{config_path.stem}.certificate.json")
+
+
+def problem(config: Config) -> Problem:
+    """The problem, in the numbers as written in the config. Raises `ConfigError` with one line for an impossible one.
+
+    The tick rate is `tick.floor_hz`, the slowest that flight accepts; the adaptation rate is the hedged one's, since
+    the certificate is about the hedged controller.
+    """
+    axes, sampling = {}, {}
+    pairs = {
+        "x": (config.controller.axes.x, config.attitude.x),
+        "y": (config.controller.axes.y, config.attitude.y),
+    }
+    where = ""
+    try:
+        for where, (axis, response) in pairs.items():
+            if axis is not None and response is not None:
+                axes[where] = _axis(axis, response)
+                sampling[where] = _sampling(config, axis)
+        where = "both"
+        return Problem(axes, config.attitude.yaw_free, sampling)
+    except ValueError as error:
+        raise ConfigError(f"axis {where}: {error}") from None
+
+
+def _axis(axis: AxisSection, response: ResponseSection) -> AxisProblem:
+    position, velocity = interval(axis.position_weight_bound), interval(axis.velocity_weight_bound)
+    return AxisProblem(
+        decimal(axis.natural_frequency_rad_s),
+        decimal(axis.damping_ratio),
+        (decimal(position[0]), decimal(velocity[0])),
+        (decimal(position[1]), decimal(velocity[1])),
+        _response(response),
+    )
+
+
+def _response(section: ResponseSection) -> AttitudeResponse:
+    dynamics: FirstOrder | SecondOrder | TransferFunction
+    if section.bandwidth_rad_s is not None:
+        dynamics = FirstOrder(_interval(section.bandwidth_rad_s))
+    elif section.natural_frequency_rad_s is not None and section.damping_ratio is not None:
+        dynamics = SecondOrder(_interval(section.natural_frequency_rad_s), _interval(section.damping_ratio))
+    else:
+        dynamics = TransferFunction(
+            tuple(_interval(c) for c in section.numerator or ()), tuple(_interval(c) for c in section.denominator or ())
+        )
+    delay = _interval(section.delay_s) if section.delay_s else NO_DELAY
+    return AttitudeResponse(dynamics, delay, section.pade_order)
+
+
+def _interval(value: float | tuple[float, float]) -> Interval:
+    return exact_interval(*value) if isinstance(value, tuple) else exact_interval(value)
+
+
+def _sampling(config: Config, axis: AxisSection) -> Sampling:
+    envelope = config.controller.envelope
+    return Sampling(
+        tick_rate_hz=decimal(config.tick.floor_hz),
+        adaptation_rate=decimal(axis.adaptation_rate.hedged),
+        position_m=decimal(envelope.position_m),
+        velocity_m_s=decimal(envelope.velocity_m_s),
+        lyapunov_q=(decimal(axis.lyapunov_q[0]), decimal(axis.lyapunov_q[1])),
+    )

@@ -1,0 +1,117 @@
+"""The figures: least certified bandwidth by degree, delay, and what is proven unstable."""
+
+from dataclasses import replace
+from decimal import Decimal
+from functools import partial
+
+import numpy as np
+import pytest
+
+from companion.certify.bandwidth import (
+    fastest_reference,
+    largest_delay,
+    minimum_bandwidth,
+    tuned_bandwidth,
+    with_bandwidth,
+    with_delay,
+    with_natural_frequency,
+)
+from companion.certify.closed_loop import axis_vertices
+from companion.certify.falsify import simulate, unstable_bandwidth, worst_switching
+from companion.certify.problem import AttitudeResponse, FirstOrder, SecondOrder, TransferFunction, decimal, interval
+from companion.certify.proof import check
+
+
+def least_bandwidths(axis, degrees):
+    found, below = {}, None
+    for degree in degrees:
+        least = minimum_bandwidth(axis, degree, below=below)
+        assert least is not None
+        assert check(least.proof, axis_vertices(with_bandwidth(axis, least.value))) == ""
+        below = float(least.value)
+        found[degree] = below
+    return found
+
+
+@pytest.mark.parametrize(
+    ("case", "figures"),
+    [
+        ("simulation", {2: 5.697, 4: 5.398, 6: 5.262, 8: 5.165}),
+        ("rig", {2: 2.904, 4: 2.743, 6: 2.667, 8: 2.614}),
+    ],
+)
+def test_least_bandwidth_by_degree(case, figures, request):
+    assert least_bandwidths(request.getfixturevalue(case)(), figures) == pytest.approx(figures, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("case", "delay", "figures"),
+    [
+        ("rig", "0.02", {2: 3.25, 4: 3.03}),
+        ("rig", "0.05", {2: 3.88, 4: 3.57, 6: 3.48}),
+        ("simulation", "0.02", {2: 7.01, 4: 6.50}),
+    ],
+)
+def test_delay_costs_bandwidth(case, delay, figures, request):
+    assert least_bandwidths(request.getfixturevalue(case)(delay=delay), figures) == pytest.approx(figures, rel=0.01)
+
+
+@pytest.mark.parametrize(("case", "certified", "figure"), [("simulation", 5.165, 5.02), ("rig", 2.614, 2.525)])
+def test_proven_unstable(case, certified, figure, request):
+    axis = request.getfixturevalue(case)()
+    found = unstable_bandwidth(partial(with_bandwidth, axis), certified)
+    assert found is not None
+    bandwidth, switching = found
+    assert 0.995 * figure < float(bandwidth) < certified
+    assert found == unstable_bandwidth(partial(with_bandwidth, axis), certified)  # deterministic
+
+    slower = with_bandwidth(axis, bandwidth * Decimal("0.97"))
+    worst = worst_switching(slower, start=switching)
+    assert worst.spectral_radius > 1.01
+    time_s, state = simulate(slower, worst, periods=12)
+    size = np.linalg.norm(state, axis=1)[:: len(time_s) // 12]
+    assert np.all(size[1:] > 1.005 * size[:-1])
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.7, 0.4])
+def test_unstable_below_means_below(rig, factor):
+    assert worst_switching(rig(f"{2.53 * factor:.3f}")).spectral_radius > 1
+
+
+def test_equal_responses_need_equal_bandwidth(rig):
+    """A second-order response written as a transfer function has the same certificate."""
+    second = with_response(rig(), SecondOrder(interval("9.5"), interval("0.92")))
+    function = with_response(
+        rig(), TransferFunction((interval("90.25"),), (interval("1"), interval("17.48"), interval("90.25")))
+    )
+    ratios = [float(minimum_bandwidth(axis, 2).value / tuned_bandwidth(axis.response)) for axis in (second, function)]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-3)
+    first = with_response(rig(), TransferFunction((interval("3"),), (interval("1"), interval("3"))))
+    assert float(minimum_bandwidth(first, 2).value) == pytest.approx(2.904, rel=1e-3)
+
+
+def test_an_interval_needs_more_than_its_lower_end(rig):
+    axis = with_response(rig(), FirstOrder(interval("3", "3.6")))
+    least = minimum_bandwidth(axis, 2)
+    assert 2.904 < float(least.value) < 3.0
+    assert len(axis_vertices(axis)) == 8
+
+
+def test_largest_delay_lies_between_the_figures(rig):
+    found = largest_delay(rig("3.25"), [2, 4])
+    assert 0.02 < float(found.value) < 0.05
+    again = with_delay(rig("3.25"), found.value)
+    assert check(found.proof, axis_vertices(again)) == ""
+    assert largest_delay(rig("2.4"), [2]) is None
+
+
+def test_fastest_reference_keeps_the_bounds_in_proportion(rig):
+    """Time and the first-order bandwidth scale alike: 3 / 2.904 times the configured natural frequency."""
+    found = fastest_reference(rig("3"), [2])
+    assert float(found.value) == pytest.approx(2.3 * 3 / 2.904, rel=2e-3)
+    faster = with_natural_frequency(rig("3"), found.value)
+    assert check(found.proof, axis_vertices(faster)) == ""
+
+
+def with_response(axis, dynamics, delay="0"):
+    return replace(axis, response=AttitudeResponse(dynamics, interval(decimal(delay))))
