@@ -139,8 +139,8 @@ def verdict(assessment: Assessment) -> str:
     """One sentence."""
     if assessment.certified:
         return (
-            f"[bold green]Certified[/bold green] by a Lyapunov function of degree {assessment.degree}, verified exactly: "
-            "no adaptation inside the bounds can destabilise this attitude loop."
+            f"[bold green]Certified[/bold green] by a Lyapunov function of degree {assessment.degree}, "
+            "verified exactly: no adaptation inside the bounds can destabilise this attitude loop."
         )
     for name, (rate, limit) in assessment.adaptation_rates.items():
         if rate >= limit:
@@ -151,8 +151,8 @@ def verdict(assessment: Assessment) -> str:
     for name, axis in assessment.axes.items():
         if axis.unstable_below is not None and axis.tuned_bandwidth_rad_s <= axis.unstable_below[0]:
             return (
-                f"[bold red]Not certified[/bold red], and it cannot be: axis {name} has an adaptation inside its bounds "
-                f"that blows up below {float(axis.unstable_below[0]):.3f} rad/s."
+                f"[bold red]Not certified[/bold red], and it cannot be: axis {name} has an adaptation inside its "
+                f"bounds that blows up below {float(axis.unstable_below[0]):.3f} rad/s."
             )
     return (
         "[bold red]Not certified[/bold red] by any degree tried: tune the attitude loop faster, cut the delay, or slow "

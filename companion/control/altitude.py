@@ -44,13 +44,17 @@ def step(
     dt_s: float,
 ) -> tuple[AltitudeState, float]:
     """Vertical specific force over g, positive up; 1 is hover. The integrator stops at its limit."""
-    limit = params.velocity_limit_m_s
-    climb_wanted = -params.position_gain_1_s * (command_z_m - z_m)
-    climb_error = min(max(climb_wanted, -limit), limit) + velocity_down_m_s
-    integral = state.integral_m_s2 + dt_s * params.integral_gain_1_s2 * climb_error
-    integral = min(max(integral, -params.integral_limit_m_s2), params.integral_limit_m_s2)
-    blend = 1.0 - math.exp(-params.filter_bandwidth_rad_s * dt_s)
-    filtered = state.filtered_velocity_m_s + blend * (velocity_down_m_s - state.filtered_velocity_m_s)
-    climb_derivative = -params.filter_bandwidth_rad_s * (velocity_down_m_s - filtered)
-    up = params.velocity_gain_1_s * climb_error + integral - params.derivative_gain * climb_derivative
-    return AltitudeState(integral, filtered), 1.0 + up / params.gravity_m_s2
+    kp, kv, ki, kd, bandwidth, integral_limit, limit, gravity = params
+    integral, filtered = state
+    climb_wanted = -kp * (command_z_m - z_m)
+    climb_wanted = -limit if climb_wanted < -limit else limit if climb_wanted > limit else climb_wanted
+    climb_error = climb_wanted + velocity_down_m_s
+    integral += dt_s * ki * climb_error
+    integral = (
+        -integral_limit if integral < -integral_limit else integral_limit if integral > integral_limit else integral
+    )
+    blend = 1.0 - math.exp(-bandwidth * dt_s)
+    filtered += blend * (velocity_down_m_s - filtered)
+    climb_derivative = -bandwidth * (velocity_down_m_s - filtered)
+    up = kv * climb_error + integral - kd * climb_derivative
+    return AltitudeState(integral, filtered), 1.0 + up / gravity

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from companion.control.projection import adapt
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import transition
 
 
 class AxisParams(NamedTuple):
@@ -101,43 +101,29 @@ def step(
     The command u was held over the tick while the actuator output w moved; the hedge therefore takes the mean of w at
     its two ends. Without hedging the reference is the ideal one.
     """
-    stiffness = params.natural_frequency_rad_s * params.natural_frequency_rad_s
-    over = transition(params.natural_frequency_rad_s, params.damping_ratio, dt_s)
-    drive = stiffness * state.command_m
-    ideal_position, ideal_velocity = propagate(over, state.ideal_position_m, state.ideal_velocity_m_s, drive)  # (19)
-    deficit = 0.5 * (state.actuator + actuator) - state.control
-    if params.hedging:  # (20)
-        reference_position, reference_velocity = propagate(
-            over,
-            state.reference_position_m,
-            state.reference_velocity_m_s,
-            drive + params.gravity_m_s2 * deficit,
-        )
+    # Unpacked once: attributes of a NamedTuple cost CPython more than the arithmetic.
+    omega, damping, gravity, adaptation, p12, p22, lower1, upper1, lower2, upper2, hedging = params
+    ideal1, ideal2, reference1, reference2, weight1, weight2, command_before, control_before, actuator_before = state
+    stiffness = omega * omega
+    f11, f12, f21, f22, g1, g2 = transition(omega, damping, dt_s)
+    drive = stiffness * command_before
+    next_ideal1 = f11 * ideal1 + f12 * ideal2 + g1 * drive  # (19)
+    next_ideal2 = f21 * ideal1 + f22 * ideal2 + g2 * drive
+    deficit = 0.5 * (actuator_before + actuator) - control_before
+    if hedging:  # (20)
+        drive = drive + gravity * deficit
+        next1 = f11 * reference1 + f12 * reference2 + g1 * drive
+        next2 = f21 * reference1 + f22 * reference2 + g2 * drive
     else:
-        reference_position, reference_velocity = ideal_position, ideal_velocity
+        next1, next2 = next_ideal1, next_ideal2
 
-    error_position = position_m - reference_position
-    error_velocity = velocity_m_s - reference_velocity
-    error_pb = params.gravity_m_s2 * (params.lyapunov_12 * error_position + params.lyapunov_22 * error_velocity)
-    rate = params.adaptation_rate * error_pb  # (22): γ x eᵀPB
-    position_weight = adapt(
-        state.position_weight, rate * position_m, params.position_weight_lower, params.position_weight_upper, dt_s
+    error1 = position_m - next1
+    error2 = velocity_m_s - next2
+    rate = adaptation * (gravity * (p12 * error1 + p22 * error2))  # (22): gamma x e'PB
+    weight1 = adapt(weight1, rate * position_m, lower1, upper1, dt_s)
+    weight2 = adapt(weight2, rate * velocity_m_s, lower2, upper2, dt_s)
+    control = stiffness / gravity * command_m - weight1 * position_m - weight2 * velocity_m_s  # (21), K_r = wn^2/g
+    return (
+        AxisState(next_ideal1, next_ideal2, next1, next2, weight1, weight2, command_m, control, actuator),
+        AxisOutput(control, error1, error2, deficit),
     )
-    velocity_weight = adapt(
-        state.velocity_weight, rate * velocity_m_s, params.velocity_weight_lower, params.velocity_weight_upper, dt_s
-    )
-    control = (  # (21), K_r = ωn²/g
-        stiffness / params.gravity_m_s2 * command_m - position_weight * position_m - velocity_weight * velocity_m_s
-    )
-    next_state = AxisState(
-        ideal_position,
-        ideal_velocity,
-        reference_position,
-        reference_velocity,
-        position_weight,
-        velocity_weight,
-        command_m,
-        control,
-        actuator,
-    )
-    return next_state, AxisOutput(control, error_position, error_velocity, deficit)

@@ -63,14 +63,15 @@ def in_control_frame(
 ) -> Horizontal:
     """Measured position, velocity and w of (15): the thrust direction scaled by the thrust commanded."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    north, east = odometry.x_m - anchor_x_m, odometry.y_m - anchor_y_m
-    fx, fy, _ = attitude.thrust_direction(odometry.qw, odometry.qx, odometry.qy, odometry.qz)
+    _, x, y, _, vx, vy, _, qw, qx, qy, qz = odometry
+    north, east = x - anchor_x_m, y - anchor_y_m
+    fx, fy, _ = attitude.thrust_direction(qw, qx, qy, qz)
     return Horizontal(
         c * north + s * east,
-        c * odometry.vx_m_s + s * odometry.vy_m_s,
+        c * vx + s * vy,
         thrust_ratio * (c * fx + s * fy),
         c * east - s * north,
-        c * odometry.vy_m_s - s * odometry.vx_m_s,
+        c * vy - s * vx,
         thrust_ratio * (c * fy - s * fx),
     )
 
@@ -98,28 +99,29 @@ def step(
     params: PositionParams, state: PositionState, odometry: Odometry, command: Command, dt_s: float
 ) -> tuple[PositionState, PositionOutput]:
     """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it."""
-    now = in_control_frame(odometry, state.anchor_x_m, state.anchor_y_m, state.yaw_rad, state.thrust_ratio)
-    c, s = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
-    north, east = command.x_m - state.anchor_x_m, command.y_m - state.anchor_y_m
-    x, out_x = mrac.step(params.x, state.x, now.x_m, now.vx_m_s, now.wx, c * north + s * east, dt_s)
-    if params.one_axis:
-        y, out_y, vertical, up = state.y, mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), state.altitude, 1.0
+    params_x, params_y, params_z, one_axis, hover_thrust, thrust_min, thrust_max, tilt_limit = params
+    state_x, state_y, state_z, anchor_x, anchor_y, yaw, thrust_ratio = state
+    now = in_control_frame(odometry, anchor_x, anchor_y, yaw, thrust_ratio)
+    at_x, vx, wx, at_y, vy, wy = now
+    c, s = math.cos(yaw), math.sin(yaw)
+    north, east = command.x_m - anchor_x, command.y_m - anchor_y
+    x, out_x = mrac.step(params_x, state_x, at_x, vx, wx, c * north + s * east, dt_s)
+    if one_axis:
+        y, out_y, z, up = state_y, mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), state_z, 1.0
     else:
-        y, out_y = mrac.step(params.y, state.y, now.y_m, now.vy_m_s, now.wy, c * east - s * north, dt_s)
-        vertical, up = altitude.step(params.altitude, state.altitude, odometry.z_m, odometry.vz_m_s, command.z_m, dt_s)
-    up_limited = min(max(up, params.thrust_min / params.hover_thrust), params.thrust_max / params.hover_thrust)
+        y, out_y = mrac.step(params_y, state_y, at_y, vy, wy, c * east - s * north, dt_s)
+        z, up = altitude.step(params_z, state_z, odometry.z_m, odometry.vz_m_s, command.z_m, dt_s)
+    up_limited = min(max(up, thrust_min / hover_thrust), thrust_max / hover_thrust)
 
     along, across = out_x.control, out_y.control
     wanted = math.sqrt(along * along + across * across)
-    reach = math.sin(params.tilt_limit_rad) if params.one_axis else up_limited * math.tan(params.tilt_limit_rad)
+    reach = math.sin(tilt_limit) if one_axis else up_limited * math.tan(tilt_limit)
     scale = 1.0 if wanted <= reach else reach / wanted
     along, across = scale * along, scale * across
-    force_z = -math.sqrt(1.0 - along * along) if params.one_axis else -up_limited
-    wanted_attitude = attitude.extract(c * along - s * across, s * along + c * across, force_z, command.yaw_rad)
-    thrust = min(wanted_attitude.thrust * params.hover_thrust, params.thrust_max)
-    setpoint = AttitudeSetpoint(wanted_attitude.qw, wanted_attitude.qx, wanted_attitude.qy, wanted_attitude.qz, thrust)
-    limited = scale < 1.0 or up != up_limited
-    next_state = PositionState(
-        x, y, vertical, state.anchor_x_m, state.anchor_y_m, state.yaw_rad, thrust / params.hover_thrust
+    force_z = -math.sqrt(1.0 - along * along) if one_axis else -up_limited
+    qw, qx, qy, qz, force = attitude.extract(c * along - s * across, s * along + c * across, force_z, command.yaw_rad)
+    thrust = min(force * hover_thrust, thrust_max)
+    return (
+        PositionState(x, y, z, anchor_x, anchor_y, yaw, thrust / hover_thrust),
+        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, scale < 1.0 or up != up_limited),
     )
-    return next_state, PositionOutput(setpoint, now, out_x, out_y, limited)

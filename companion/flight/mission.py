@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 from companion.config.schema import MissionSection
 from companion.control.types import Command
 
@@ -10,17 +12,15 @@ class Mission:
     """Waypoints relative to where control began."""
 
     def __init__(self, section: MissionSection) -> None:
-        self._waypoints = [(waypoint.at_s, waypoint.offset_ned_m) for waypoint in section.waypoints]
+        self._times = [waypoint.at_s for waypoint in section.waypoints]
+        self._offsets = [(0.0, 0.0, 0.0), *(waypoint.offset_ned_m for waypoint in section.waypoints)]
         self._duration_s = section.duration_s
 
     def command(self, elapsed_s: float, origin: Command) -> Command:
         """Where to be, `elapsed_s` after engagement at `origin`."""
-        offset = (0.0, 0.0, 0.0)
-        for at_s, wanted in self._waypoints:
-            if at_s > elapsed_s + 1e-9:
-                break
-            offset = wanted
-        return Command(origin.x_m + offset[0], origin.y_m + offset[1], origin.z_m + offset[2], origin.yaw_rad)
+        north, east, down = self._offsets[bisect_right(self._times, elapsed_s + 1e-9)]
+        x, y, z, yaw = origin
+        return Command(x + north, y + east, z + down, yaw)
 
     def over(self, elapsed_s: float) -> bool:
         """Whether the mission has ended; one without a duration never does."""

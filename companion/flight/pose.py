@@ -14,11 +14,10 @@ ODOMETRY: Final = Layout("ODOMETRY")
 LOCAL_POSITION_NED: Final = Layout("LOCAL_POSITION_NED")
 ATTITUDE_QUATERNION: Final = Layout("ATTITUDE_QUATERNION")
 
-_TIME_US = ODOMETRY.index("time_usec")
-_X, _Y, _Z = (ODOMETRY.index(name) for name in ("x", "y", "z"))
-_Q = ODOMETRY.place("q")
-_VX, _VY, _VZ = (ODOMETRY.index(name) for name in ("vx", "vy", "vz"))
-_FRAME, _CHILD_FRAME = ODOMETRY.index("frame_id"), ODOMETRY.index("child_frame_id")
+_new = tuple.__new__
+_unpack_pose = ODOMETRY.only(
+    "time_usec", "x", "y", "z", "q", "vx", "vy", "vz", "frame_id", "child_frame_id"
+).unpack_from  # the covariances are two thirds of the message
 _LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
 _POSITION = tuple(LOCAL_POSITION_NED.index(name) for name in ("x", "y", "z", "vx", "vy", "vz"))
 _POSITION_MS = LOCAL_POSITION_NED.index("time_boot_ms")
@@ -38,11 +37,11 @@ class PoseSource:
     def take(self, frame: Frame) -> Odometry | None:
         """Odometry, when this frame completes one in local NED."""
         if frame.message_id == ODOMETRY.message_id:
-            v = ODOMETRY.unpack(frame.payload)
-            if v[_FRAME] != _LOCAL_NED or v[_CHILD_FRAME] != _LOCAL_NED:
+            time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, axes, child_axes = _unpack_pose(ODOMETRY.full(frame.payload))
+            if axes != _LOCAL_NED or child_axes != _LOCAL_NED:
                 return None
             self.message = "ODOMETRY"
-            return Odometry(v[_TIME_US] * 1e-6, v[_X], v[_Y], v[_Z], v[_VX], v[_VY], v[_VZ], *v[_Q])
+            return _new(Odometry, (time_us * 1e-6, x, y, z, vx, vy, vz, qw, qx, qy, qz))
         if self.message == "ODOMETRY":
             return None
         if frame.message_id == ATTITUDE_QUATERNION.message_id:

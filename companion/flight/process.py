@@ -24,6 +24,9 @@ from companion.mavlink.px4 import Mode
 from companion.record.recorder import EVENT, TICK, Recorder
 from companion.record.schema import pack_event
 
+_POSE = frozenset({ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id})
+_MODE = frozenset({HEARTBEAT.message_id, CURRENT_MODE.message_id})
+_CONNECTING, _CHECKING, _STANDBY, _ENGAGED, _RELEASED = State  # on its class, looking up a member costs tenfold
 _HOUSEKEEPING_S = 0.05
 _HEARTBEAT_S = 1.0
 _REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
@@ -60,10 +63,11 @@ class FlightProcess:
         self._pilot = Pilot(config, hedging=config.controller.hedging if hedging is None else hedging)
         ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._ids = ids
+        self._guards, self._floor_hz = guards.limits(config.guards), config.tick.floor_hz
         self._engagement = Engagement(plan(*ids, can_fly=config.vehicle.kind == "quadrotor")) if engage else None
         self._pose = PoseSource()
         self._meter = RateMeter()
-        self._state = State.CONNECTING
+        self._state = _CONNECTING
         self._fault: Reason | None = None
         self._reason = Reason.OPERATOR
         self._detail = ""
@@ -80,11 +84,11 @@ class FlightProcess:
 
     def run(self) -> Summary:
         """Fly. Returns when control has ended and, where it was ours to end, Hold has been asked for."""
-        self._event(State.CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
+        self._event(_CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
         heard_s = self._began_wall_s = time.monotonic()
         with quiet_memory(), stop_signals(self.stop):
             try:
-                while self._state is not State.RELEASED:
+                while self._state is not _RELEASED:
                     data = self._port.receive()
                     wall_s = time.monotonic()
                     if not self._lockstep:
@@ -111,14 +115,14 @@ class FlightProcess:
 
     def _take(self, frame: Frame) -> None:
         """One frame of the vehicle."""
-        if self._state is State.RELEASED and not self._lockstep:
+        if self._state is _RELEASED and not self._lockstep:
             return  # by a frame before this one
         number = frame.message_id
-        if number in (ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id):
+        if number in _POSE:
             sample = self._pose.take(frame)
             if sample is not None:
                 self._tick(sample)
-        elif number in (HEARTBEAT.message_id, CURRENT_MODE.message_id):
+        elif number in _MODE:
             if self._port.note(frame):
                 self._heartbeat_at_s = self._now_s
             self._decide()  # the pilot's switch counts before the next sample does
@@ -140,12 +144,12 @@ class FlightProcess:
         if self._lockstep:
             self._now_s = received_s = sample.time_s
         self._pose_at_s = received_s
-        if self._state is State.ENGAGED:
+        if self._state is _ENGAGED:
             self._fly(sample, dt)
             return
-        if self._state is State.CHECKING:
+        if self._state is _CHECKING:
             self._meter.take(sample.time_s)
-        if self._state is not State.CHECKING or self._lockstep:
+        if self._state is not _CHECKING or self._lockstep:
             self._stand_by(sample, dt)
 
     def _fly(self, sample: Odometry, dt_s: float) -> None:
@@ -179,11 +183,9 @@ class FlightProcess:
 
     def _known(self) -> Known:
         fault = self._fault
-        if fault is None and self._state in (State.STANDBY, State.ENGAGED):
-            fault = guards.broken(
-                self._config.guards, self._now_s - self._pose_at_s, self._now_s - self._heartbeat_at_s
-            )
-        checked = self._meter.done and self._meter.rate_hz >= self._config.tick.floor_hz
+        if fault is None and self._state in (_STANDBY, _ENGAGED):
+            fault = guards.broken(self._guards, self._now_s - self._pose_at_s, self._now_s - self._heartbeat_at_s)
+        checked = self._meter.done and self._meter.rate_hz >= self._floor_hz
         return Known(self._port.connected, checked, self._port.mode, self._port.armed, fault)
 
     def _housekeep(self, wall_s: float) -> None:
@@ -192,18 +194,18 @@ class FlightProcess:
         self._next["housekeeping"] = now + _HOUSEKEEPING_S
         if now >= self._next["heartbeat"] or not self._port.connected:
             self._next["heartbeat"] = now + _HEARTBEAT_S
-            status = mavlink.MAV_STATE_ACTIVE if self._state is State.ENGAGED else mavlink.MAV_STATE_STANDBY
+            status = mavlink.MAV_STATE_ACTIVE if self._state is _ENGAGED else mavlink.MAV_STATE_STANDBY
             self._port.send(px4.heartbeat(status), self._time_us())
-        if self._state is State.CONNECTING:
+        if self._state is _CONNECTING:
             if wall_s - self._began_wall_s > self._config.link.connect_timeout_s:
                 self._refuse(
                     Reason.NO_VEHICLE,
                     f"no heartbeat of vehicle {self._ids[0]}/{self._ids[1]} within "
                     f"{self._config.link.connect_timeout_s:g} s: check the link and vehicle.system_id",
                 )
-        elif self._state is State.CHECKING:
+        elif self._state is _CHECKING:
             self._check(now)
-        elif self._state is State.STANDBY and self._engagement is not None:
+        elif self._state is _STANDBY and self._engagement is not None:
             self._engage()
         if self._on_status is not None:
             rate = self._meter.rate_hz
@@ -258,11 +260,11 @@ class FlightProcess:
         state, reason = authority.advance(self._state, self._known())
         if state is self._state:
             return
-        if state is State.CHECKING:
+        if state is _CHECKING:
             self._began_s = self._now_s
-        elif state is State.STANDBY and self._sample is not None:
+        elif state is _STANDBY and self._sample is not None:
             self._ground_z_m = self._sample.z_m
-        elif state is State.ENGAGED and self._sample is not None:
+        elif state is _ENGAGED and self._sample is not None:
             self._pilot.take_over(self._sample)
         self._state = state
         if reason is not None:

@@ -21,6 +21,7 @@ SIGNATURE_BYTES: Final = 13
 INCOMPAT_SIGNED: Final = 0x01
 MAX_FRAME_BYTES: Final = HEADER_BYTES + 255 + CRC_BYTES + SIGNATURE_BYTES
 
+_new = tuple.__new__  # what a NamedTuple's own constructor calls, without the call in between
 _MAGIC = b"\xfd"
 _HEADER = struct.Struct("<BBBBBBHB")  # length, incompat, compat, sequence, system, component, id low 16, id high 8
 _MESSAGES: dict[int, Any] = mavlink.mavlink_map
@@ -92,13 +93,13 @@ class FrameParser:
                 self.dropped_bytes += 1  # a datagram ends here: not a frame, so look behind its first byte
                 position += 1
                 continue
-            if mcrf4xx(extra, mcrf4xx(data[position + 1 : crc_at])) != data[crc_at] | data[crc_at + 1] << 8:
+            if mcrf4xx(data[position + 1 : crc_at] + extra) != data[crc_at] | data[crc_at + 1] << 8:
                 self.bad_crc += 1
                 self.dropped_bytes += 1
                 position += 1
                 continue
             payload = data[position + HEADER_BYTES : crc_at]
-            frames.append(Frame(message_id, system, component, sequence, payload, data[position:end]))
+            frames.append(_new(Frame, (message_id, system, component, sequence, payload, data[position:end])))
             position = end
         self._rest = data[position:]
         return self._counted(frames)
@@ -125,7 +126,8 @@ class Layout:
         self.name = name
         self.crc_extra: int = message.crc_extra
         self.fields: tuple[str, ...] = tuple(message.ordered_fieldnames)
-        self._struct = struct.Struct("<" + "".join(f"{n}{f}" if n else f for n, f in zip(counts, formats, strict=True)))
+        self._parts = [f"{n}{f}" if n else f for n, f in zip(counts, formats, strict=True)]
+        self._struct = struct.Struct("<" + "".join(self._parts))
         self._slices: dict[str, int | slice] = {}
         at = 0
         for field, count in zip(self.fields, counts, strict=True):
@@ -140,6 +142,20 @@ class Layout:
         if len(payload) != size:
             payload = payload.ljust(size, b"\0") if len(payload) < size else payload[:size]
         return self._struct.unpack(payload)
+
+    def only(self, *fields: str) -> struct.Struct:
+        """A decoder of these fields alone, in wire order; what lies between is skipped without making a number of it.
+
+        Use it as ``only(...).unpack_from(payload)`` on a payload of full length (see `full`).
+        """
+        text = "<"
+        for field, part in zip(self.fields, self._parts, strict=True):
+            text += part if field in fields else f"{struct.calcsize('<' + part)}x"
+        return struct.Struct(text)
+
+    def full(self, payload: bytes) -> bytes:
+        """The payload at its full length, zeros that were cut off put back."""
+        return payload if len(payload) >= self.size else payload.ljust(self.size, b"\0")
 
     def place(self, field: str) -> int | slice:
         """Where a field stands in the tuple of `unpack`: an index, or a slice for an array."""
@@ -177,7 +193,7 @@ class Encoder:
         payload = self._pack(*wire_values).rstrip(b"\0") or b"\0"
         body = _HEADER.pack(len(payload), 0, 0, sequence & 255, self._system, self._component, self._low, self._high)
         body += payload
-        return _MAGIC + body + mcrf4xx(self._extra, mcrf4xx(body)).to_bytes(2, "little")
+        return _MAGIC + body + mcrf4xx(body + self._extra).to_bytes(2, "little")
 
 
 def decode_cold(frame: Frame) -> Any:
