@@ -32,6 +32,7 @@ _HEARTBEAT_S = 1.0
 _REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
 _CHECK_S = 5.0  # how long the odometry may take to reach the floor
 _LISTEN_S = 0.1  # before that, what the vehicle says is heard out
+_ASK_AGAIN_S = 0.25
 _RELEASE_S = 2.0  # how long Hold is asked for before silence has to do
 _LOCKSTEP_SILENCE_S = 15.0
 
@@ -71,6 +72,7 @@ class FlightProcess:
         self._fault: Reason | None = None
         self._reason = Reason.OPERATOR
         self._detail = ""
+        self._streamed = False
         self._sample: Odometry | None = None
         self._ground_z_m = 0.0
         self._ticks = 0
@@ -149,7 +151,7 @@ class FlightProcess:
             return
         if self._state is _CHECKING:
             self._meter.take(sample.time_s)
-        if self._state is not _CHECKING or self._lockstep:
+        if self._state is _STANDBY or self._lockstep:
             self._stand_by(sample, dt)
 
     def _fly(self, sample: Odometry, dt_s: float) -> None:
@@ -172,6 +174,7 @@ class FlightProcess:
 
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""
+        self._streamed = True
         self._port.send_setpoint(round(sample.time_s * 1e3) & 0xFFFFFFFF, *setpoint, self._time_us())
         return 0.0 if self._lockstep else time.monotonic() - self._now_s
 
@@ -275,22 +278,28 @@ class FlightProcess:
         self._say(f"{state.name.lower()} {detail}".strip())
 
     def _let_go(self, reason: Reason) -> None:
-        """Hold, unless somebody else has taken over; then silence, which PX4's own failsafe understands."""
-        if reason in authority.TAKEN or self._port.mode != Mode.OFFBOARD:
+        """Hold, unless somebody else has control; then silence, which PX4's own failsafe understands."""
+        if not self._streamed or reason in authority.TAKEN or self._port.mode != Mode.OFFBOARD:
             return
         self._port.send(
             mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, f"companion: {reason.value}".encode()),
             self._time_us(),
         )
-        began_s = time.monotonic()
+        began_s, gave_up_s = self._clock_s(), time.monotonic() + _LOCKSTEP_SILENCE_S
         ask_s = began_s + _LISTEN_S  # a pilot's switch may be waiting in the queue, and must not be overruled
-        while self._port.mode == Mode.OFFBOARD and time.monotonic() < began_s + _RELEASE_S:
-            if time.monotonic() >= ask_s:
-                ask_s += 0.25
+        while self._port.mode == Mode.OFFBOARD and self._clock_s() < began_s + _RELEASE_S:
+            if self._clock_s() >= ask_s:
+                ask_s += _ASK_AGAIN_S
                 self._port.send(px4.set_mode(*self._ids, Mode.HOLD), self._time_us())
             for frame in self._port.frames(self._port.receive(), self._time_us()):
                 if not self._port.note(frame) and self._lockstep and frame.message_id == ODOMETRY.message_id:
                     self._take(frame)  # the plant's time moves only when it is answered
+            if time.monotonic() > gave_up_s:
+                return
+
+    def _clock_s(self) -> float:
+        """Now, for waiting: the samples' own time in lockstep."""
+        return self._now_s if self._lockstep else time.monotonic()
 
     def _event(self, name: str, detail: str) -> None:
         self._recorder.add(EVENT, self._time_us(), pack_event(name, detail))
