@@ -60,6 +60,10 @@ def _build_parser() -> _Parser:
     run = commands.add_parser("run", help="fly a vehicle: the real thing")
     run.add_argument("config", type=Path)
     run.add_argument("--link", help="udpin://host:port, udpout://host:port or serial:///dev/...:baud")
+    run.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="default: beside the config, NAME.certificate.json"
+    )
+    run.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
     run.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
     run.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
     run.add_argument("--lockstep", action="store_true", help="with a plant in lockstep: time is that of its odometry")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from companion.config import Config
+from companion.config import Config, ConfigError
+from companion.config.certification import certificate_path
 from companion.flight.authority import REFUSED, Reason
+from companion.flight.covered import uncovered
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import new_folder, open_folder
@@ -17,6 +19,14 @@ _GOOD_ENDS = (Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Rea
 def run_flight(config: Config, arguments: argparse.Namespace) -> int:
     """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a failsafe, 2 when control never began."""
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
+    certificate = arguments.certificate or certificate_path(arguments.config)
+    warning = uncovered(config, certificate, hedging=hedging)
+    if warning is not None and not arguments.uncertified:
+        raise ConfigError(
+            f"{warning}: run `companion check {arguments.config} --out {certificate}`, or fly --uncertified"
+        )
+    if warning is not None:
+        print(f"companion: UNCERTIFIED FLIGHT: {warning}", file=sys.stderr)
     link = open_link(arguments.link or config.link.url)
     try:
         folder = new_folder(arguments.out, arguments.config.stem)
@@ -30,6 +40,7 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
                 hedging=hedging,
                 engage=arguments.engage,
                 lockstep=arguments.lockstep,
+                warning=warning,
                 say=lambda line: print(line, flush=True),
             ).run()
         finally:

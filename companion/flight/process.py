@@ -52,12 +52,14 @@ class FlightProcess:
         hedging: bool | None = None,
         engage: bool = False,
         lockstep: bool = False,
+        warning: str | None = None,
         on_status: Callable[[Status], None] | None = None,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._config = config
         self._recorder = recorder
         self._lockstep = lockstep
+        self._warning = warning
         self._on_status = on_status
         self._say = say
         self._port = Port(config, link, recorder)
@@ -86,6 +88,8 @@ class FlightProcess:
 
     def run(self) -> Summary:
         """Fly. Returns when control has ended and, where it was ours to end, Hold has been asked for."""
+        if self._warning is not None:
+            self._event("uncertified", self._warning)
         self._event(_CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
         heard_s = self._began_wall_s = time.monotonic()
         with quiet_memory(), stop_signals(self.stop):
@@ -267,6 +271,8 @@ class FlightProcess:
             self._began_s = self._now_s
         elif state is _STANDBY and self._sample is not None:
             self._ground_z_m = self._sample.z_m
+            if self._warning is not None:
+                self._tell(f"companion: UNCERTIFIED: {self._warning}")
         elif state is _ENGAGED and self._sample is not None:
             self._pilot.take_over(self._sample)
         self._state = state
@@ -281,10 +287,7 @@ class FlightProcess:
         """Hold, unless somebody else has control; then silence, which PX4's own failsafe understands."""
         if not self._streamed or reason in authority.TAKEN or self._port.mode != Mode.OFFBOARD:
             return
-        self._port.send(
-            mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, f"companion: {reason.value}".encode()),
-            self._time_us(),
-        )
+        self._tell(f"companion: {reason.value}")
         began_s, gave_up_s = self._clock_s(), time.monotonic() + _LOCKSTEP_SILENCE_S
         ask_s = began_s + _LISTEN_S  # a pilot's switch may be waiting in the queue, and must not be overruled
         while self._port.mode == Mode.OFFBOARD and self._clock_s() < began_s + _RELEASE_S:
@@ -296,6 +299,11 @@ class FlightProcess:
                     self._take(frame)  # the plant's time moves only when it is answered
             if time.monotonic() > gave_up_s:
                 return
+
+    def _tell(self, text: str) -> None:
+        """A warning to the ground station, cut to what a STATUSTEXT holds."""
+        message = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, text.encode()[:50])
+        self._port.send(message, self._time_us())
 
     def _clock_s(self) -> float:
         """Now, for waiting: the samples' own time in lockstep."""

@@ -18,7 +18,7 @@ from companion.record.reader import read_flight
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT / "config" / "antx_rig.yaml"
-SLOW = ["--set", "tick.rate_hz=100", "--set", "tick.floor_hz=60", "--set", "mission.duration_s=60",
+SLOW = ["--uncertified", "--set", "tick.rate_hz=100", "--set", "tick.floor_hz=60", "--set", "mission.duration_s=60",
         "--set", "guards.heartbeat_age_s.limit=1.0"]  # fmt: skip
 OFFBOARD, HOLD = 6 << 16, 4 << 16 | 3 << 24
 

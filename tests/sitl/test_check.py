@@ -1,0 +1,135 @@
+"""`companion check`, and `companion run` refusing what no certificate covers: one line each."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
+NOBODY = ("--link", "udpout://127.0.0.1:9", "--set", "link.connect_timeout_s=0.3")
+
+
+def companion(*arguments: object, cwd: Path = ROOT) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "companion", *map(str, arguments)]
+    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=cwd, timeout=250)
+
+
+def refused(*arguments: object, cwd: Path = ROOT) -> str:
+    """The one line of a command that ends with exit code 2."""
+    ended = companion(*arguments, cwd=cwd)
+    assert ended.returncode == 2, ended.stderr + ended.stdout
+    assert len(ended.stderr.splitlines()) == 1, ended.stderr
+    assert "Traceback" not in ended.stderr
+    return ended.stderr
+
+
+@pytest.mark.parametrize("config", [RIG, QUADROTOR])
+def test_shipped_certificates_are_those_of_the_shipped_configs(config: Path) -> None:
+    ended = companion("check", config, "--verify", config.with_name(f"{config.stem}.certificate.json"))
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("verified exactly: x by degree")
+
+
+def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path: Path) -> None:
+    out = tmp_path / "certificate.json"
+    ended = companion("check", RIG, "--all-degrees", "--degree", "6", "--json", "--out", out)
+    assert ended.returncode == 0, ended.stderr
+    report = json.loads(ended.stdout)
+    assert (report["certified"], report["degree"]) == (True, 2)
+    x = report["axes"]["x"]
+    assert x["tuned_bandwidth_rad_s"] == 3.0
+    assert {d: v for d, v in x["minimum_bandwidth_rad_s"].items() if v} == {
+        "2": pytest.approx(2.904, rel=0.01), "4": pytest.approx(2.743, rel=0.01), "6": pytest.approx(2.667, rel=0.01),
+    }  # fmt: skip
+    assert x["unstable_below_rad_s"] == pytest.approx(2.525, rel=0.01)
+    assert 0.02 < x["maximum_delay_s"] < 0.03
+    assert x["fastest_natural_frequency_rad_s"] is None
+    assert report["adaptation_rate_limit"] > 100
+    assert companion("check", RIG, "--verify", out).returncode == 0
+
+
+def test_not_certified_is_exit_code_1_and_leaves_no_stale_certificate(tmp_path: Path) -> None:
+    stale = tmp_path / "certificate.json"
+    stale.write_text("{}")
+    slow = ("--set", "attitude.x.bandwidth_rad_s=2.4", "--degree", "2")
+    ended = companion("check", RIG, *slow, "--out", stale)
+    assert ended.returncode == 1, ended.stderr
+    assert "Not certified, and it cannot be" in " ".join(ended.stdout.split())
+    assert not stale.exists()
+
+
+def test_an_adaptation_rate_above_the_limit_of_sampling_is_not_certified() -> None:
+    ended = companion("check", RIG, "--degree", "2", "--set", "controller.axes.x.adaptation_rate.hedged=1000")
+    assert ended.returncode == 1, ended.stderr
+    assert "adaptation rate 1000 is not below" in " ".join(ended.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("override", "reason"),
+    [
+        ("controller.axes.x.position_weight_bound=0.5", "do not contain the nominal position weight"),
+        ("controller.axes.x.velocity_weight_bound=[-0.35, 0.3]", "do not contain the nominal velocity weight"),
+        ("attitude.x.bandwidth_rad_s=0", "greater than 0"),
+        ("attitude.x.bandwidth_rad_s=-3", "greater than 0"),
+        ("attitude.x.bandwidth_rad_s=[3.2, 2.8]", "upside down"),
+        ("attitude.x.delay_s=3", "not below the reference period"),
+        ("attitude.x={numerator: [4], denominator: [1, -1, 4]}", "unstable"),
+        ("attitude.x={numerator: [3], denominator: [1, 2, 4]}", "dc gain"),
+        ("attitude.x={numerator: [4]}", "give bandwidth_rad_s, or"),
+        ("attitude.yaw_free=true", "give both"),
+    ],
+)
+def test_degenerate_input_is_one_line(override: str, reason: str) -> None:
+    assert reason in refused("check", RIG, "--set", override)
+
+
+def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
+    assert "must be even" in refused("check", RIG, "--degree", "3")
+    assert "cannot read certificate" in refused("check", RIG, "--verify", tmp_path / "none.json")
+    other = companion("check", RIG, "--verify", QUADROTOR.with_name("paper_quadrotor.certificate.json"))
+    assert other.returncode == 1
+    assert other.stderr == "certificate is of another config\n"
+
+
+def test_run_refuses_what_no_certificate_covers(tmp_path: Path) -> None:
+    config = tmp_path / "mine.yaml"
+    config.write_text(RIG.read_text())
+    own = tmp_path / "mine.certificate.json"
+    shipped = json.loads(RIG.with_name("antx_rig.certificate.json").read_text())
+    assert "cannot read certificate" in refused("run", config, *NOBODY, cwd=tmp_path)
+
+    own.write_text(QUADROTOR.with_name("paper_quadrotor.certificate.json").read_text())
+    assert "of another config" in refused("run", config, *NOBODY, cwd=tmp_path)
+
+    entry = shipped["proofs"]["x"]["lyapunov"][0]
+    own.write_text(json.dumps(shipped).replace(f'"{entry}"', '"1/3"', 1))
+    assert "was changed" in refused("run", config, *NOBODY, cwd=tmp_path)
+
+    own.write_text("not a certificate")
+    assert "is not JSON" in refused("run", config, *NOBODY, cwd=tmp_path)
+
+    own.write_text(json.dumps(shipped))
+    changed = ("--set", "controller.axes.x.damping_ratio=0.71")
+    assert "of another config" in refused("run", config, *NOBODY, *changed, cwd=tmp_path)
+    assert "this flight is not hedged" in refused("run", config, *NOBODY, "--no-hedging", cwd=tmp_path)
+    assert "no heartbeat of vehicle" in refused("run", config, *NOBODY, cwd=tmp_path)  # covered: it got as far as that
+
+
+def test_run_imports_no_solver(tmp_path: Path) -> None:
+    code = (
+        "import sys; from companion.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({m.split('.')[0] for m in sys.modules} & {'cvxpy', 'clarabel', 'scipy', 'numpy', 'matplotlib'}))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code, "run", str(RIG), *NOBODY, "--out", str(tmp_path)],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+    )
+    assert ended.stdout.splitlines()[-1] == "[]", ended.stdout + ended.stderr
