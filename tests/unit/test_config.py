@@ -66,6 +66,7 @@ def test_defaults_are_those_of_flight(tmp_path: Path) -> None:
         link: {url: "udpin://0.0.0.0:14540"}
         tick: {rate_hz: 100, floor_hz: 80}
         controller:
+          envelope: {position_m: 1, velocity_m_s: 1}
           axes:
             x:
               natural_frequency_rad_s: 2.3
@@ -296,13 +297,13 @@ def test_a_key_given_twice_in_a_shipped_file_is_refused(tmp_path: Path) -> None:
         ("controller.limits.thrust_min=0.95", "controller.limits", "thrust_min must be below thrust_max"),
         ("controller.limits.thrust_max=0.4", "vehicle.hover_thrust", "must lie between"),
         ("controller.limits.thrust_min=0.5", "vehicle.hover_thrust", "must lie between"),
-        ("attitude.x={}", "attitude.x", "give either bandwidth_rad_s, or natural_frequency_rad_s and damping_ratio"),
-        ("attitude.x={natural_frequency_rad_s: 3}", "attitude.x", "give either bandwidth_rad_s"),
-        ("attitude.x={bandwidth_rad_s: 3, damping_ratio: 1}", "attitude.x", "give either bandwidth_rad_s"),
+        ("attitude.x={}", "attitude.x", "give bandwidth_rad_s, or natural_frequency_rad_s and damping_ratio"),
+        ("attitude.x={natural_frequency_rad_s: 3}", "attitude.x", "give bandwidth_rad_s"),
+        ("attitude.x={bandwidth_rad_s: 3, damping_ratio: 1}", "attitude.x", "give bandwidth_rad_s"),
         (
             "attitude.x={bandwidth_rad_s: 3, natural_frequency_rad_s: 3, damping_ratio: 1}",
             "attitude.x",
-            "give either bandwidth_rad_s",
+            "give bandwidth_rad_s",
         ),
         (
             "mission.waypoints=[{at_s: 2, offset_ned_m: [0, 0, 0]}, {at_s: 1, offset_ned_m: [0, 0, 0]}]",
@@ -347,7 +348,9 @@ def test_a_quadrotor_needs_all_of_its_axes(missing: str) -> None:
 
 
 def test_a_rig_refuses_a_second_axis(tmp_path: Path) -> None:
-    text = RIG.read_text().replace("    x:\n", "    y: &axis\n", 1).replace("  limits:", "    x: *axis\n  limits:", 1)
+    text = (
+        RIG.read_text().replace("    x:\n", "    y: &axis\n", 1).replace("  envelope:", "    x: *axis\n  envelope:", 1)
+    )
     assert complaint_about(text, tmp_path) == ": a rig has one axis: remove controller.axes.y and attitude.y"
 
 
