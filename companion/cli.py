@@ -66,7 +66,6 @@ def _build_parser() -> _Parser:
     run.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
     run.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
     run.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
-    run.add_argument("--lockstep", action="store_true", help="with a plant in lockstep: time is that of its odometry")
     _shared(run)
     run.set_defaults(function=_run)
 

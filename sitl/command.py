@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import struct
-import time
 from pathlib import Path
 
 from rich.console import Console
@@ -13,18 +13,18 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from companion.config import Config, ConfigError
+from companion.flight.authority import Reason
 from companion.flight.runtime import Status
 from companion.mavlink.link import LinkError
 from companion.record.folder import new_folder
 from sitl.autopilot import Autopilot
 from sitl.build import build_vehicle
-from sitl.experiment import ExperimentError, Outcome, fly
+from sitl.experiment import ExperimentError, Job, Outcome, fly_all, realtime_factor
 from sitl.parameters import Parameters
 from sitl.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
 from sitl.server import LockstepTimeoutError, serve
 
 PX4_ONBOARD_PORT = 14580
-_REFRESH_S = 0.25
 
 
 def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
@@ -68,12 +68,13 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
         controllers = ["hedged" if arguments.hedging else "standard"]
     folder: Path = arguments.out or new_folder(Path("flights"), arguments.config.stem)
     console = Console(stderr=arguments.json)
-    outcomes: dict[str, Outcome] = {}
+    jobs = _jobs(config, arguments, folder, controllers)
     try:
-        for controller in controllers:
-            outcomes[controller] = _fly_one(config, arguments, folder, controller, console)
+        outcomes = {outcome.controller: outcome for outcome in _fly(jobs, console)}
     except ExperimentError as error:
         raise LinkError(str(error)) from None
+    if any(o.summary.reason is Reason.OPERATOR for o in outcomes.values()):
+        raise KeyboardInterrupt
     flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
     from sitl.figures import draw_paper_figures  # noqa: PLC0415 - matplotlib takes its time
 
@@ -89,48 +90,58 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
     return 0 if good else 1
 
 
-def _fly_one(config: Config, arguments: argparse.Namespace, folder: Path, controller: str, console: Console) -> Outcome:
-    total = config.mission.duration_s
-    columns = (
-        TextColumn("{task.description:<32}"),
-        BarColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
-    )
-    # Refreshed by hand from the loop's status: a refresh thread would cost the loop its latency.
-    with Progress(*columns, console=console, auto_refresh=False) as progress:
-        task = progress.add_task(f"flying {controller} MRAC", total=total, note="")
-        refresh_at_s = 0.0
-
-        def on_status(status: Status) -> None:
-            nonlocal refresh_at_s
-            if time.monotonic() >= refresh_at_s:  # drawing the bar takes as long as ten ticks
-                refresh_at_s = time.monotonic() + _REFRESH_S
-                progress.update(task, completed=status.elapsed_s, note=status.state.name.lower())
-                progress.refresh()
-
-        outcome = fly(
+def _jobs(config: Config, arguments: argparse.Namespace, folder: Path, controllers: list[str]) -> list[Job]:
+    lockstep = not arguments.realtime
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    return [
+        Job(
             config,
             arguments.config,
             folder / controller,
             controller,
-            overrides=tuple(arguments.overrides),
-            lockstep=not arguments.realtime,
-            port=arguments.port or 0,
-            on_status=on_status,
+            tuple(arguments.overrides),
+            lockstep,
+            arguments.port + index if arguments.port else 0,
+            cores[index % len(cores)] if lockstep and cores else None,
         )
-        progress.update(task, completed=outcome.summary.engaged_s, note=f"{outcome.realtime_factor:.1f} x real time")
-        progress.refresh()
-    if not outcome.complete:
-        console.print(f"[bold red]{controller} MRAC did not finish: {outcome.summary.detail}[/bold red]")
-    return outcome
+        for index, controller in enumerate(controllers)
+    ]
+
+
+def _fly(jobs: list[Job], console: Console) -> list[Outcome]:
+    """Fly them all, with a bar for each."""
+    columns = (
+        TextColumn("{task.description:<22}"),
+        BarColumn(),
+        TextColumn("{task.fields[note]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, refresh_per_second=4) as progress:
+        tasks = {
+            job.controller: progress.add_task(
+                f"{job.controller} MRAC", total=job.config.mission.duration_s, note="starting"
+            )
+            for job in jobs
+        }
+
+        def on_status(controller: str, status: Status) -> None:
+            progress.update(tasks[controller], completed=status.elapsed_s, note=status.state.name.lower())
+
+        outcomes = fly_all(jobs, on_status)
+        for outcome in outcomes:
+            pace = f"{outcome.flown_s / outcome.wall_s:.1f} x real time"
+            progress.update(tasks[outcome.controller], completed=outcome.summary.engaged_s, note=pace)
+    for outcome in outcomes:
+        if not outcome.complete:
+            console.print(f"[bold red]{outcome.controller} MRAC did not finish: {outcome.summary.detail}[/bold red]")
+    return outcomes
 
 
 def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object]:
     """The machine-readable contract of `companion sitl --json`."""
     return {
         "config": str(config_path),
-        "realtime_factor": round(min(o.realtime_factor for o in outcomes.values()), 2),
+        "realtime_factor": round(realtime_factor(list(outcomes.values())), 2),
         "controllers": {
             name: {
                 "peak_error_m": o.metrics.peak_error_m if o.metrics else None,
@@ -145,16 +156,16 @@ def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object
 
 def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console) -> None:
     paper = config.paper
-    table = Table(title=f"{paper.table if paper else 'Tracking error'} (error against the ideal reference)")
+    table = Table(title=f"{paper.table if paper else 'Tracking error'}: error against the ideal reference, m")
     table.add_column("controller")
-    for metric in ("peak [m]", "RMS [m]"):
+    for metric in ("peak", "RMS"):
         if paper:
             table.add_column(f"{metric} paper", justify="right")
         table.add_column(f"{metric} ours", justify="right")
         if paper:
-            table.add_column("difference", justify="right")
+            table.add_column("off by", justify="right")
     for name, outcome in outcomes.items():
-        row = [f"{name} MRAC"]
+        row = [name]
         published = getattr(paper, name) if paper else None
         for metric in ("peak_error_m", "rms_error_m"):
             if published:
@@ -176,5 +187,5 @@ def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console)
                 f"[bold red]{name} MRAC is unstable:[/bold red] the error never settles and peaks at "
                 f"{outcome.metrics.peak_error_m:.2f} m; lower its adaptation rate or tick faster"
             )
-    factor = min(o.realtime_factor for o in outcomes.values())
-    console.print(f"flown at {factor:.1f} x real time, {config.tick.rate_hz:g} ticks a second over UDP")
+    factor = realtime_factor(list(outcomes.values()))
+    console.print(f"flown at {factor:.1f} x real time in all, {config.tick.rate_hz:g} ticks a second over UDP")

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import queue
 import select
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,21 +26,36 @@ from companion.record.reader import Flight, read_flight
 from sitl.metrics import Metrics, score
 
 _READY_S = 20.0
+_REFRESH_S = 0.25  # a progress report costs as long as ten ticks
 
 
 class ExperimentError(Exception):
     """The plant did not start, or the log is incomplete; the message is one line."""
 
 
+class Job(NamedTuple):
+    """One controller's flight, as handed to a process of its own."""
+
+    config: Config
+    config_path: Path
+    folder: Path
+    controller: str  # `hedged` or `standard`
+    overrides: tuple[str, ...]
+    lockstep: bool
+    port: int
+    core: int | None  # in lockstep: the core that plant and flight share
+
+
 class Outcome(NamedTuple):
-    """One controller's flight."""
+    """How it went."""
 
     controller: str
     folder: Path
     summary: Summary
     flight: Flight
     metrics: Metrics | None  # None when it was never in control
-    realtime_factor: float  # flown time over wall time, the start included
+    flown_s: float  # of the plant's time, from the first odometry on
+    wall_s: float
 
     @property
     def complete(self) -> bool:
@@ -83,46 +102,42 @@ def plant(
         process.stderr.close()
 
 
-@contextlib.contextmanager
-def _sharing_a_core(plant_pid: int) -> Iterator[None]:
+def _share_a_core(core: int, plant_pid: int) -> None:
     """Plant and flight take turns in lockstep: handing over on one core costs half of waking up another."""
-    before = os.sched_getaffinity(0)
-    core = {max(before)}
-    os.sched_setaffinity(plant_pid, core)
-    os.sched_setaffinity(0, core)
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, before)
+    os.sched_setaffinity(plant_pid, {core})
+    os.sched_setaffinity(0, {core})
 
 
-def fly(
-    config: Config,
-    config_path: Path,
-    folder: Path,
-    controller: str,
-    *,
-    overrides: tuple[str, ...] = (),
-    lockstep: bool = True,
-    port: int = 0,
-    on_status: Callable[[Status], None] | None = None,
-) -> Outcome:
-    """Fly the config's mission with one controller, `hedged` or `standard`. Raises `ExperimentError` or `LinkError`."""
+def fly(job: Job, progress: queue.Queue[tuple[str, Status]]) -> tuple[Summary, float]:
+    """Fly one mission in this process: how it ended, and the wall time it took.
+
+    Raises `ExperimentError`, `LinkError` or `ConfigError`.
+    """
     with contextlib.ExitStack() as open_things:
-        recorder = open_folder(folder, config_path, config, blocking=lockstep)
+        recorder = open_folder(job.folder, job.config_path, job.config, blocking=job.lockstep)
         open_things.callback(recorder.close)
-        bound, process = open_things.enter_context(plant(config_path, overrides, lockstep=lockstep, port=port))
+        bound, process = open_things.enter_context(
+            plant(job.config_path, job.overrides, lockstep=job.lockstep, port=job.port)
+        )
         link = open_link(f"udpout://127.0.0.1:{bound}")
         open_things.callback(link.close)
-        if lockstep and hasattr(os, "sched_setaffinity"):
-            open_things.enter_context(_sharing_a_core(process.pid))
+        if job.core is not None:
+            _share_a_core(job.core, process.pid)
+        shown_s = 0.0
+
+        def on_status(status: Status) -> None:
+            nonlocal shown_s
+            if time.monotonic() - shown_s > _REFRESH_S:
+                shown_s = time.monotonic()
+                progress.put((job.controller, status))
+
         flight_process = FlightProcess(
-            config,
+            job.config,
             link,
             recorder,
-            hedging=controller == "hedged",
+            hedging=job.controller == "hedged",
             engage=True,
-            lockstep=lockstep,
+            lockstep=job.lockstep,
             on_status=on_status,
         )
         began_s = time.monotonic()
@@ -131,11 +146,40 @@ def fly(
     complaint = recorder.close()
     if complaint is not None:
         raise ExperimentError(complaint)
-    flight = read_flight(folder)
+    return summary, wall_s
+
+
+def fly_all(jobs: list[Job], on_status: Callable[[str, Status], None]) -> list[Outcome]:
+    """Fly every job at the same time, each in a process of its own. Raises what `fly` raises.
+
+    Ctrl-C reaches the flights, which release and end; this process waits for them.
+    """
+    context = get_context("spawn")
+    with context.Manager() as manager, ProcessPoolExecutor(len(jobs), mp_context=context) as pool:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            progress = manager.Queue()
+            futures = [pool.submit(fly, job, progress) for job in jobs]
+            while not all(future.done() for future in futures):
+                with contextlib.suppress(queue.Empty):
+                    on_status(*progress.get(timeout=_REFRESH_S))
+            ended = [future.result() for future in futures]
+        finally:
+            signal.signal(signal.SIGINT, before)
+    return [_outcome(job, summary, wall_s) for job, (summary, wall_s) in zip(jobs, ended, strict=True)]
+
+
+def _outcome(job: Job, summary: Summary, wall_s: float) -> Outcome:
+    flight = read_flight(job.folder)
     ticks = flight.ticks
     flown_s = float(ticks["time_s"][-1] - ticks["time_s"][0]) if len(ticks) else 0.0
     try:
-        metrics = score(config, flight)
+        metrics = score(job.config, flight)
     except ValueError:
         metrics = None
-    return Outcome(controller, folder, summary, flight, metrics, flown_s / wall_s)
+    return Outcome(job.controller, job.folder, summary, flight, metrics, flown_s, wall_s)
+
+
+def realtime_factor(outcomes: list[Outcome]) -> float:
+    """How much of the plant's time passed in a second of ours, all flights together."""
+    return sum(o.flown_s for o in outcomes) / max(o.wall_s for o in outcomes)

@@ -12,6 +12,8 @@ from companion.config import Config
 from companion.flight.authority import State
 from companion.record.reader import Flight
 
+_NOT_JUDGED_M = 0.05
+
 
 class Metrics(NamedTuple):
     """Error against the ideal reference over the whole of the flight in control."""
@@ -30,8 +32,8 @@ def largest_step_m(config: Config) -> float:
 def score(config: Config, flight: Flight) -> Metrics:
     """Metrics of one flight. Raises `ValueError` when it was never in control.
 
-    A flight is unstable when the error of its last quarter is no transient any more: its RMS is above half the largest
-    step of the command.
+    A flight is unstable when the error of its last quarter is no transient any more: its RMS is above half the peak, or
+    above half the largest step of the command. Errors below 5 cm are not judged.
     """
     ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
     if not len(ticks):
@@ -42,6 +44,6 @@ def score(config: Config, flight: Flight) -> Metrics:
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values**2)))
 
-    late = distance[-max(1, len(distance) // 4) :]
-    step = largest_step_m(config)
-    return Metrics(float(distance.max()), rms(distance), step == 0.0 or rms(late) <= 0.5 * step)
+    late, peak = distance[-max(1, len(distance) // 4) :], float(distance.max())
+    bound = 0.5 * min(peak, largest_step_m(config) or peak)
+    return Metrics(peak, rms(distance), peak < _NOT_JUDGED_M or rms(late) <= bound)

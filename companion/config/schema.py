@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -100,7 +101,7 @@ class Limits(Section):
     """What the controller never asks for."""
 
     tilt_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
-    thrust_min: Fraction = 0.05
+    thrust_min: Annotated[Fraction, Field(gt=0.0)] = 0.05
     thrust_max: Fraction = 0.95
 
     @model_validator(mode="after")
@@ -197,6 +198,14 @@ class Config(Section):
         limits, hover = self.controller.limits, self.vehicle.hover_thrust
         if not limits.thrust_min < hover < limits.thrust_max:
             raise ValueError("vehicle.hover_thrust must lie between controller.limits.thrust_min and thrust_max")
+        if (self.link.system_id, self.link.component_id) == (self.vehicle.system_id, self.vehicle.component_id):
+            raise ValueError("link.system_id and component_id are the vehicle's own: the companion needs others")
+        reach = max((math.hypot(*waypoint.offset_ned_m[:2]) for waypoint in self.mission.waypoints), default=0.0)
+        if reach > self.controller.envelope.position_m:
+            raise ValueError(
+                f"a waypoint lies {reach:g} m from where control begins, beyond controller.envelope.position_m "
+                f"({self.controller.envelope.position_m:g}), for which the adaptation rate is checked"
+            )
         if self.plant is not None and (self.plant.rig is None) == (self.vehicle.kind == "rig"):
             raise ValueError(f"plant: give the {self.vehicle.kind}, as vehicle.kind says")
         return self

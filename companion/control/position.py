@@ -121,7 +121,8 @@ def step(
     force_z = -math.sqrt(1.0 - along * along) if one_axis else -up_limited
     qw, qx, qy, qz, force = attitude.extract(c * along - s * across, s * along + c * across, force_z, command.yaw_rad)
     thrust = min(force * hover_thrust, thrust_max)
+    limited = scale < 1.0 or up != up_limited or thrust < force * hover_thrust
     return (
         PositionState(x, y, z, anchor_x, anchor_y, yaw, thrust / hover_thrust),
-        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, scale < 1.0 or up != up_limited),
+        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, limited),
     )

@@ -26,12 +26,15 @@ class Reason(StrEnum):
     OPERATOR = "operator"
     MISSION_COMPLETE = "mission_complete"
     POSE_STALE = "pose_stale"
-    NON_FINITE = "non_finite"
+    POSE_INVALID = "pose_invalid"
+    SETPOINT_INVALID = "setpoint_invalid"
+    CLOCK_JUMP = "clock_jump"
     HEARTBEAT_LOST = "heartbeat_lost"
     LINK_LOST = "link_lost"
     NO_VEHICLE = "no_vehicle"
     RATE_TOO_LOW = "rate_too_low"
     ENGAGE_REFUSED = "engage_refused"
+    INTERNAL_ERROR = "internal_error"
 
 
 MEANING = {
@@ -40,18 +43,19 @@ MEANING = {
     Reason.OPERATOR: "stopped by the operator",
     Reason.MISSION_COMPLETE: "the mission is over",
     Reason.POSE_STALE: "no odometry within guards.pose_age_s",
-    Reason.NON_FINITE: "the odometry or the set-point was not a finite number",
+    Reason.POSE_INVALID: "the odometry was not finite numbers with a unit quaternion",
+    Reason.SETPOINT_INVALID: "the controller's answer was not finite; it was not sent",
+    Reason.CLOCK_JUMP: "the odometry's time stamps jumped",
     Reason.HEARTBEAT_LOST: "no heartbeat within guards.heartbeat_age_s",
     Reason.LINK_LOST: "the link has gone",
     Reason.NO_VEHICLE: "no heartbeat of the configured vehicle within link.connect_timeout_s",
     Reason.RATE_TOO_LOW: "odometry arrives below tick.floor_hz",
     Reason.ENGAGE_REFUSED: "the vehicle did not arm, take off or accept OFFBOARD",
+    Reason.INTERNAL_ERROR: "an error in the companion itself",
 }
 
 # Control ended because somebody else took it: nothing is asked of the vehicle any more.
 TAKEN: frozenset[Reason] = frozenset({Reason.MODE_CHANGED, Reason.DISARMED})
-# Control never began because of what was found before it: for the exit code.
-REFUSED: frozenset[Reason] = frozenset({Reason.NO_VEHICLE, Reason.RATE_TOO_LOW, Reason.ENGAGE_REFUSED})
 
 
 class Known(NamedTuple):

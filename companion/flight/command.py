@@ -7,13 +7,15 @@ import sys
 
 from companion.config import Config, ConfigError
 from companion.config.certification import certificate_path
-from companion.flight.authority import REFUSED, Reason
+from companion.flight.authority import Reason
 from companion.flight.covered import uncovered
 from companion.flight.process import FlightProcess
+from companion.flight.say import Speaker
 from companion.mavlink.link import open_link
 from companion.record.folder import new_folder, open_folder
 
-_GOOD_ENDS = (Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED)
+_ORDINARY = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
+_GOOD_ENDS = (*_ORDINARY, Reason.MODE_CHANGED, Reason.DISARMED)
 
 
 def run_flight(config: Config, arguments: argparse.Namespace) -> int:
@@ -30,26 +32,27 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
     link = open_link(arguments.link or config.link.url)
     try:
         folder = new_folder(arguments.out, arguments.config.stem)
-        recorder = open_folder(folder, arguments.config, config, blocking=arguments.lockstep)
+        recorder = open_folder(folder, arguments.config, config, blocking=False)
+        speaker = Speaker()
         try:
-            print(f"link {link.name}, log {folder}", flush=True)
+            speaker.say(f"link {link.name}, log {folder}")
             summary = FlightProcess(
                 config,
                 link,
                 recorder,
                 hedging=hedging,
                 engage=arguments.engage,
-                lockstep=arguments.lockstep,
                 warning=warning,
-                say=lambda line: print(line, flush=True),
+                say=speaker.say,
             ).run()
         finally:
+            speaker.close()
             complaint = recorder.close()
             if complaint is not None:
                 print(f"companion: {complaint}", file=sys.stderr)
     finally:
         link.close()
-    if summary.reason in REFUSED:
+    if not summary.engaged and summary.reason not in _ORDINARY:
         print(f"companion: {summary.detail}", file=sys.stderr)
         return 2
     print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")

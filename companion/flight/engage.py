@@ -1,4 +1,7 @@
-"""`--engage`: arm, take off where the vehicle can, and ask for OFFBOARD; each step believed only when it is seen."""
+"""`--engage`: arm, take off where the vehicle can, and ask for OFFBOARD; each step believed only when it is seen.
+
+The pilot comes first here too: a mode that was not asked for, or a disarm, ends it, and nothing more is asked.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,11 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink import px4
-from companion.mavlink.px4 import Mode
+from companion.mavlink.px4 import Mode, Result
 
 _RETRY_S = 0.5
+_HOVER_SPEED_M_S = 0.3  # reported velocity may be off by 0.2 m/s with GPS
+_HOVER_CLIMB_M = 0.3
 
 
 class Seen(NamedTuple):
@@ -23,45 +28,46 @@ class Seen(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One request, when it is fulfilled, and how long that may take."""
+    """One request, when it is fulfilled, how long that may take, and what the vehicle may be doing meanwhile."""
 
     name: str
     request: Any | None
-    acknowledged_as: int
+    command: int
     fulfilled: Callable[[Seen], bool]
     timeout_s: float
+    modes: frozenset[int]  # besides the mode in which the sequence began
+    armed: bool  # whether the vehicle must be armed all the while
 
 
 def plan(system_id: int, component_id: int, *, can_fly: bool) -> list[Step]:
     """The steps for a vehicle that can take off, or for a rig that cannot."""
-    do_set_mode = mavlink.MAV_CMD_DO_SET_MODE
-    arm = Step(
-        "arm", px4.arm(system_id, component_id), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, lambda seen: seen.armed, 5.0
-    )
-    offboard = Step(
-        "OFFBOARD",
-        px4.set_mode(system_id, component_id, Mode.OFFBOARD),
-        do_set_mode,
-        lambda seen: seen.mode == Mode.OFFBOARD,
-        5.0,
+
+    def mode_step(name: str, mode: Mode, while_in: Mode | None) -> Step:
+        modes = frozenset({int(mode)} if while_in is None else {int(mode), int(while_in)})
+        request = px4.set_mode(system_id, component_id, mode)
+        return Step(name, request, mavlink.MAV_CMD_DO_SET_MODE, lambda seen: seen.mode == mode, 5.0, modes, True)
+
+    arm = px4.arm(system_id, component_id)
+    armed = Step(
+        "arm", arm, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, lambda seen: seen.armed, 5.0, frozenset({Mode.HOLD}), False
     )
     if not can_fly:
-        return [arm, offboard]
-    take_off = Step(
-        "take-off",
-        px4.set_mode(system_id, component_id, Mode.TAKEOFF),
-        do_set_mode,
-        lambda seen: seen.mode == Mode.TAKEOFF,
-        5.0,
-    )
+        return [armed, mode_step("change to OFFBOARD", Mode.OFFBOARD, Mode.HOLD)]
     hover = Step(
         "hover",
         None,
         0,
-        lambda seen: seen.mode == Mode.HOLD and seen.climbed_m > 0.3 and seen.speed_m_s < 0.05,
+        lambda seen: seen.mode == Mode.HOLD and seen.climbed_m > _HOVER_CLIMB_M and seen.speed_m_s < _HOVER_SPEED_M_S,
         40.0,
+        frozenset({Mode.TAKEOFF, Mode.HOLD}),
+        True,
     )
-    return [arm, take_off, hover, offboard]
+    return [
+        armed,
+        mode_step("take off", Mode.TAKEOFF, Mode.HOLD),
+        hover,
+        mode_step("change to OFFBOARD", Mode.OFFBOARD, Mode.HOLD),
+    ]
 
 
 class Engagement:
@@ -69,29 +75,45 @@ class Engagement:
 
     def __init__(self, steps: list[Step]) -> None:
         self._steps = steps
+        self._first_mode: int | None = None
         self._begun_s: float | None = None
         self._asked_s = 0.0
-        self._answer = "no answer"
+        self._answer: int | None = None
 
     def acknowledged(self, command: int, result: int) -> None:
-        """A COMMAND_ACK: kept for the refusal's text. Acceptance is never believed: only what is seen counts."""
-        if self._steps and command == self._steps[0].acknowledged_as and result != px4.Result.ACCEPTED:
-            self._answer = px4.Result(result).name.lower() if result <= px4.Result.CANCELLED else f"result {result}"
+        """A COMMAND_ACK. PX4 accepts a mode first and decides afterwards, so the last answer counts."""
+        if self._steps and command == self._steps[0].command:
+            self._answer = result
 
     def advance(self, now_s: float, seen: Seen) -> tuple[Any | None, str | None]:
-        """(message to send now, why the sequence has failed); both None while it waits or when it is done."""
+        """(message to send now, what the vehicle did not do); both None while it waits or when it is done."""
+        if self._first_mode is None:
+            self._first_mode = seen.mode
+            if seen.armed:
+                return None, "wait: it is armed already, so --engage leaves it to its pilot"
         while self._steps and self._steps[0].fulfilled(seen):
             self._steps.pop(0)
             self._begun_s = None
         if not self._steps:
             return None, None
         step = self._steps[0]
-        if self._begun_s is None:
-            self._begun_s, self._asked_s, self._answer = now_s, now_s, "no answer"
-            return step.request, None
-        if now_s - self._begun_s > step.timeout_s:
-            return None, f"{step.name} within {step.timeout_s:g} s: {self._answer}"
-        if step.request is not None and now_s - self._asked_s >= _RETRY_S:
-            self._asked_s = now_s
-            return step.request, None
-        return None, None
+        if self._begun_s is not None:
+            if seen.mode not in step.modes and seen.mode != self._first_mode:
+                return None, f"{step.name}: somebody chose another mode"
+            if step.armed and not seen.armed:
+                return None, f"{step.name}: somebody disarmed it"
+            if now_s - self._begun_s > step.timeout_s:
+                return None, f"{step.name} within {step.timeout_s:g} s: {self._answered()}"
+            # Asked again only while it has not agreed: repeated after that, a request would overrule the pilot.
+            waiting = self._answer == Result.ACCEPTED or now_s - self._asked_s < _RETRY_S
+            if step.request is None or waiting:
+                return None, None
+        else:
+            self._begun_s, self._answer = now_s, None
+        self._asked_s = now_s
+        return step.request, None
+
+    def _answered(self) -> str:
+        if self._answer is None:
+            return "no answer"
+        return Result(self._answer).name.lower() if self._answer in set(Result) else f"result {self._answer}"

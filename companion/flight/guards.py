@@ -9,6 +9,8 @@ from companion.config.schema import Guards
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.authority import Reason
 
+_QUATERNION_TOLERANCE = 0.02
+
 
 class Limits(NamedTuple):
     """Past these control ends; infinite where a guard is off."""
@@ -35,3 +37,9 @@ def broken(limits: Limits, pose_age_s: float, heartbeat_age_s: float) -> Reason 
 def all_finite(values: Odometry | AttitudeSetpoint) -> bool:
     """Whether every number is finite: one sum tells, since neither NaN nor an infinity can be added away."""
     return math.isfinite(sum(values))
+
+
+def valid_pose(sample: Odometry) -> bool:
+    """Finite numbers, and a quaternion of length one; an all-zero payload has none."""
+    qw, qx, qy, qz = sample[7:]
+    return math.isfinite(sum(sample)) and abs(qw * qw + qx * qx + qy * qy + qz * qz - 1.0) < _QUATERNION_TOLERANCE

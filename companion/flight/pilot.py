@@ -9,9 +9,9 @@ from companion.control import attitude, position
 from companion.control.types import AttitudeSetpoint, Command, Odometry
 from companion.flight.mission import Mission
 from companion.flight.setup import initial_weights, position_params
-from companion.record.schema import CDR_HEADER, FLOATS, pack_tick
+from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
-_NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in FLOATS[5:19])
+_NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
 
 class Pilot:

@@ -25,7 +25,8 @@ _CURRENT_MODE = CURRENT_MODE.index("custom_mode")
 class Port:
     """Frames of the one configured autopilot; everybody else's are counted in `foreign` and dropped.
 
-    Attributes: `mode` (custom_mode) and `armed` as last heard, `connected` once its heartbeat came.
+    Attributes: `mode` (custom_mode) and `armed` as last heard, `mode_reports` how often the mode was,
+    `connected` once a heartbeat came.
     """
 
     def __init__(self, config: Config, link: Link, recorder: Recorder) -> None:
@@ -40,6 +41,7 @@ class Port:
         self.foreign = 0
         self.connected = False
         self.mode = 0
+        self.mode_reports = 0
         self.armed = False
 
     def receive(self) -> bytes:
@@ -58,11 +60,10 @@ class Port:
         return kept
 
     def note(self, frame: Frame) -> bool:
-        """Take in a HEARTBEAT or CURRENT_MODE; True for a heartbeat."""
+        """Take in a HEARTBEAT or CURRENT_MODE, and nothing else; True for a heartbeat."""
+        self.mode_reports += 1
         if frame.message_id == CURRENT_MODE.message_id:
             self.mode = CURRENT_MODE.unpack(frame.payload)[_CURRENT_MODE]
-            return False
-        if frame.message_id != HEARTBEAT.message_id:
             return False
         values = HEARTBEAT.unpack(frame.payload)
         self.mode = values[_HEARTBEAT_MODE]

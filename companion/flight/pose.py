@@ -31,12 +31,15 @@ class PoseSource:
 
     def __init__(self) -> None:
         self.message = "ODOMETRY"
+        self._settled = False
         self._attitude: tuple[float, float, float, float] | None = None
         self._attitude_ms = 0
 
     def take(self, frame: Frame) -> Odometry | None:
         """Odometry, when this frame completes one in local NED."""
         if frame.message_id == ODOMETRY.message_id:
+            if self._settled and self.message != "ODOMETRY":
+                return None  # its rate has not been measured
             time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, axes, child_axes = _unpack_pose(ODOMETRY.full(frame.payload))
             if axes != _LOCAL_NED or child_axes != _LOCAL_NED:
                 return None
@@ -57,6 +60,10 @@ class PoseSource:
             return None
         x, y, z, vx, vy, vz = (v[i] for i in _POSITION)
         return Odometry(v[_POSITION_MS] * 1e-3, x, y, z, vx, vy, vz, *self._attitude)
+
+    def settle(self) -> None:
+        """Keep to the source in use from now on."""
+        self._settled = True
 
     def fall_back(self) -> None:
         """Accept LOCAL_POSITION_NED with ATTITUDE_QUATERNION from now on, unless ODOMETRY comes after all."""

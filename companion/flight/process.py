@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
+import traceback
 from collections.abc import Callable
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -16,6 +18,7 @@ from companion.flight.engage import Engagement, Seen, plan
 from companion.flight.pilot import Pilot, record_standby
 from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
 from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource, RateMeter
+from companion.flight.release import HandOver
 from companion.flight.runtime import Status, Summary, quiet_memory, stop_signals
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame, decode_cold
@@ -29,11 +32,10 @@ _MODE = frozenset({HEARTBEAT.message_id, CURRENT_MODE.message_id})
 _CONNECTING, _CHECKING, _STANDBY, _ENGAGED, _RELEASED = State  # on its class, looking up a member costs tenfold
 _HOUSEKEEPING_S = 0.05
 _HEARTBEAT_S = 1.0
+_CALL_S = 0.2  # between heartbeats until the vehicle has answered
+_OFFBOARD = int(Mode.OFFBOARD)
 _REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
 _CHECK_S = 5.0  # how long the odometry may take to reach the floor
-_LISTEN_S = 0.1  # before that, what the vehicle says is heard out
-_ASK_AGAIN_S = 0.25
-_RELEASE_S = 2.0  # how long Hold is asked for before silence has to do
 _LOCKSTEP_SILENCE_S = 15.0
 
 
@@ -63,10 +65,10 @@ class FlightProcess:
         self._on_status = on_status
         self._say = say
         self._port = Port(config, link, recorder)
+        self._guards, self._floor_hz = guards.limits(config.guards), config.tick.floor_hz
         self._pilot = Pilot(config, hedging=config.controller.hedging if hedging is None else hedging)
         ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._ids = ids
-        self._guards, self._floor_hz = guards.limits(config.guards), config.tick.floor_hz
         self._engagement = Engagement(plan(*ids, can_fly=config.vehicle.kind == "quadrotor")) if engage else None
         self._pose = PoseSource()
         self._meter = RateMeter()
@@ -74,7 +76,8 @@ class FlightProcess:
         self._fault: Reason | None = None
         self._reason = Reason.OPERATOR
         self._detail = ""
-        self._streamed = False
+        self._streamed = self._engaged = False
+        self._largest_step_s = min(self._guards.pose_age_s, 1.0)
         self._sample: Odometry | None = None
         self._ground_z_m = 0.0
         self._ticks = 0
@@ -91,31 +94,45 @@ class FlightProcess:
         if self._warning is not None:
             self._event("uncertified", self._warning)
         self._event(_CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
-        heard_s = self._began_wall_s = time.monotonic()
+        self._began_wall_s = time.monotonic()
         with quiet_memory(), stop_signals(self.stop):
             try:
-                while self._state is not _RELEASED:
-                    data = self._port.receive()
-                    wall_s = time.monotonic()
-                    if not self._lockstep:
-                        self._now_s = wall_s
-                    self._decide()  # before what has come is believed: after a pause of ours it is stale
-                    if data:
-                        heard_s = wall_s
-                        for frame in self._port.frames(data, self._time_us()):
-                            self._take(frame)
-                    elif self._lockstep:
-                        self._silence(wall_s - heard_s)
-                    if self._now_s >= self._next["housekeeping"] or self._sample is None:
-                        self._housekeep(wall_s)
-                self._let_go(self._reason)
+                self._loop()
             except LinkError as error:
-                self._reason, self._detail = Reason.LINK_LOST, str(error)
-        reason = self._reason
-        detail = self._detail or authority.MEANING[reason]
-        self._event(f"released_{reason.value}", detail)
-        self._say(f"released: {reason.value} ({detail})")
-        return Summary(reason, detail, self._pilot.elapsed_s, self._ticks)
+                self._end(Reason.LINK_LOST, str(error))
+            except Exception as error:  # whatever it was, the vehicle is handed back and the log tells
+                self._end(Reason.INTERNAL_ERROR, f"{type(error).__name__}: {error}")
+                self._event("traceback", traceback.format_exc())
+            with contextlib.suppress(LinkError):
+                self._let_go(self._reason)
+        detail = self._detail or authority.MEANING[self._reason]
+        self._event(f"released_{self._reason.value}", detail)
+        self._say(f"released: {self._reason.value} ({detail})")
+        return Summary(self._reason, detail, self._engaged, self._pilot.elapsed_s, self._ticks)
+
+    def _loop(self) -> None:
+        """Until control has ended."""
+        heard_s = self._began_wall_s
+        while self._state is not _RELEASED:
+            data = self._port.receive()
+            wall_s = time.monotonic()
+            if not self._lockstep:
+                self._now_s = wall_s
+            self._decide()  # before what has come is believed: after a pause of ours it is stale
+            if data:
+                heard_s = wall_s
+                for frame in self._port.frames(data, self._time_us()):
+                    self._take(frame)
+            elif self._lockstep:
+                self._silence(wall_s - heard_s)
+            clock_s = wall_s if self._sample is None else self._now_s
+            if clock_s >= self._next["housekeeping"]:
+                self._housekeep(clock_s, wall_s)
+
+    def _end(self, reason: Reason, detail: str) -> None:
+        """Released from outside the transition function; the first reason stays."""
+        if self._state is not _RELEASED:
+            self._state, self._reason, self._detail = _RELEASED, reason, detail
 
     # -- what comes in ------------------------------------------------------------------------------------------------
 
@@ -129,8 +146,13 @@ class FlightProcess:
             if sample is not None:
                 self._tick(sample)
         elif number in _MODE:
+            mode = self._port.mode
             if self._port.note(frame):
                 self._heartbeat_at_s = self._now_s
+            elif (
+                self._port.mode != mode
+            ):  # whether it is armed is told by the heartbeat alone, which may be a second old
+                self._port.send(px4.request_message(*self._ids, HEARTBEAT.message_id), self._time_us())
             self._decide()  # the pilot's switch counts before the next sample does
         elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
             answer = decode_cold(frame)
@@ -139,18 +161,26 @@ class FlightProcess:
     def _tick(self, sample: Odometry) -> None:
         """The hot path: one odometry sample to one set-point."""
         last = self._sample
-        if last is not None and sample.time_s <= last.time_s:
-            return  # a copy, or out of order: the newer one has been flown
-        received_s = self._now_s
-        if not guards.all_finite(sample):
-            self._fault = self._fault or Reason.NON_FINITE
-            return
-        self._sample = sample
+        engaged = self._state is _ENGAGED
+        if not guards.valid_pose(sample):
+            if engaged:
+                self._stop_for(Reason.POSE_INVALID)
+            return  # out of control it is only not counted: too many of them, and the rate is below the floor
         dt = 0.0 if last is None else sample.time_s - last.time_s
+        if abs(dt) > self._largest_step_s:
+            if engaged:
+                self._stop_for(Reason.CLOCK_JUMP)
+                return
+            self._meter, dt = RateMeter(), 0.0  # the autopilot's clock began anew, and so does its measurement
+        elif dt <= 0.0 and last is not None:
+            return  # a copy, or out of order: the newer one has been flown
         if self._lockstep:
-            self._now_s = received_s = sample.time_s
-        self._pose_at_s = received_s
-        if self._state is _ENGAGED:
+            if last is None:
+                self._next = dict.fromkeys(self._next, 0.0)  # from here on time is the odometry's
+            self._now_s = sample.time_s
+        self._sample = sample
+        self._pose_at_s = self._now_s
+        if engaged:
             self._fly(sample, dt)
             return
         if self._state is _CHECKING:
@@ -162,16 +192,26 @@ class FlightProcess:
         """In control: the paper's step, then out with it, then the record."""
         setpoint = self._pilot.step(sample, dt_s)
         if not guards.all_finite(setpoint):
-            self._fault = Reason.NON_FINITE
+            self._stop_for(Reason.SETPOINT_INVALID)
             return
-        if self._pilot.mission_over:
-            self._fault = self._fault or Reason.MISSION_COMPLETE
         latency_s = self._send(sample, setpoint)
         self._record(self._pilot.record(sample, dt_s, setpoint, latency_s, self._state))
+        if self._pilot.mission_over:
+            self._stop_for(Reason.MISSION_COMPLETE)
+
+    def _stop_for(self, fault: Reason) -> None:
+        """End control now, before another sample of the same datagram is flown."""
+        self._fault = self._fault or fault
+        self._decide()
 
     def _stand_by(self, sample: Odometry, dt_s: float) -> None:
-        """Stream what is safe to be switched to: the attitude as it is; hover thrust when armed, none otherwise."""
-        thrust = self._config.vehicle.hover_thrust if self._port.armed else 0.0
+        """Stream what is safe to be switched to: the attitude as it is, hover thrust.
+
+        No thrust only while the vehicle is disarmed in another mode: armed is told once a second, OFFBOARD at once, and
+        a vehicle in the air must not fall in between.
+        """
+        grounded = not self._port.armed and self._port.mode != _OFFBOARD
+        thrust = 0.0 if grounded else self._config.vehicle.hover_thrust
         setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
         latency_s = self._send(sample, setpoint)
         self._record(record_standby(sample, dt_s, setpoint, latency_s, self._state))
@@ -195,12 +235,12 @@ class FlightProcess:
         checked = self._meter.done and self._meter.rate_hz >= self._floor_hz
         return Known(self._port.connected, checked, self._port.mode, self._port.armed, fault)
 
-    def _housekeep(self, wall_s: float) -> None:
+    def _housekeep(self, clock_s: float, wall_s: float) -> None:
         """Everything slow, at 20 Hz."""
         now = self._now_s
-        self._next["housekeeping"] = now + _HOUSEKEEPING_S
-        if now >= self._next["heartbeat"] or not self._port.connected:
-            self._next["heartbeat"] = now + _HEARTBEAT_S
+        self._next["housekeeping"] = clock_s + _HOUSEKEEPING_S
+        if clock_s >= self._next["heartbeat"]:
+            self._next["heartbeat"] = clock_s + (_HEARTBEAT_S if self._port.connected else _CALL_S)
             status = mavlink.MAV_STATE_ACTIVE if self._state is _ENGAGED else mavlink.MAV_STATE_STANDBY
             self._port.send(px4.heartbeat(status), self._time_us())
         if self._state is _CONNECTING:
@@ -230,7 +270,7 @@ class FlightProcess:
             rate = self._config.tick.rate_hz
             wanted = [(CURRENT_MODE.message_id, 20.0), (ODOMETRY.message_id, rate)]
             if self._pose.message != "ODOMETRY":
-                wanted = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
+                wanted[1:] = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
             for message_id, rate_hz in wanted:
                 self._port.send(px4.message_interval(*self._ids, message_id, rate_hz), self._time_us())
         if now - self._began_s > _CHECK_S:
@@ -271,10 +311,12 @@ class FlightProcess:
             self._began_s = self._now_s
         elif state is _STANDBY and self._sample is not None:
             self._ground_z_m = self._sample.z_m
+            self._pose.settle()
             if self._warning is not None:
                 self._tell(f"companion: UNCERTIFIED: {self._warning}")
         elif state is _ENGAGED and self._sample is not None:
             self._pilot.take_over(self._sample)
+            self._engaged = True
         self._state = state
         if reason is not None:
             self._reason = reason
@@ -288,17 +330,21 @@ class FlightProcess:
         if not self._streamed or reason in authority.TAKEN or self._port.mode != Mode.OFFBOARD:
             return
         self._tell(f"companion: {reason.value}")
-        began_s, gave_up_s = self._clock_s(), time.monotonic() + _LOCKSTEP_SILENCE_S
-        ask_s = began_s + _LISTEN_S  # a pilot's switch may be waiting in the queue, and must not be overruled
-        while self._port.mode == Mode.OFFBOARD and self._clock_s() < began_s + _RELEASE_S:
-            if self._clock_s() >= ask_s:
-                ask_s += _ASK_AGAIN_S
-                self._port.send(px4.set_mode(*self._ids, Mode.HOLD), self._time_us())
+        hand_over = HandOver(self._port, self._ids, self._clock_s())
+        gave_up_s = time.monotonic() + _LOCKSTEP_SILENCE_S
+        while not hand_over.over(self._clock_s()) and time.monotonic() < gave_up_s:
+            request = hand_over.advance(self._clock_s())
+            if request is not None:
+                self._port.send(request, self._time_us())
             for frame in self._port.frames(self._port.receive(), self._time_us()):
-                if not self._port.note(frame) and self._lockstep and frame.message_id == ODOMETRY.message_id:
+                if frame.message_id in _MODE:
+                    self._port.note(frame)
+                elif frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+                    answer = decode_cold(frame)
+                    if answer.command == mavlink.MAV_CMD_DO_SET_MODE:
+                        hand_over.acknowledged(answer.result)
+                elif self._lockstep:
                     self._take(frame)  # the plant's time moves only when it is answered
-            if time.monotonic() > gave_up_s:
-                return
 
     def _tell(self, text: str) -> None:
         """A warning to the ground station, cut to what a STATUSTEXT holds."""

@@ -27,6 +27,7 @@ class Summary(NamedTuple):
 
     reason: Reason
     detail: str
+    engaged: bool  # whether control ever began
     engaged_s: float
     ticks: int
 
@@ -46,8 +47,8 @@ def quiet_memory() -> Iterator[None]:
 
 @contextmanager
 def stop_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """SIGINT and SIGTERM ask for a release instead of ending the process."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    """SIGINT, SIGTERM and SIGHUP ask for a release instead of ending the process."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = [signal.signal(number, lambda *_: stop()) for number in numbers]
     try:
         yield

@@ -9,16 +9,26 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import re
 import select
 import socket
 import struct
+import termios
 from typing import Protocol
 
 import serial
 
 _DATAGRAM_BYTES = 2048
+_QUEUED_BYTES = 280  # on a serial line: one frame
+_PASSING = (
+    errno.ENOBUFS,
+    errno.ENETUNREACH,
+    errno.EHOSTUNREACH,
+    errno.ENETDOWN,
+    errno.EPERM,
+)  # a network may come back
 _URL = re.compile(r"(?P<kind>udpin|udpout|serial)://(?P<place>.+):(?P<number>[0-9]+)")
 
 
@@ -80,6 +90,8 @@ class UdpLink:
         except (BlockingIOError, InterruptedError, ConnectionRefusedError):
             return b""
         except OSError as error:
+            if error.errno in _PASSING:
+                return b""
             raise LinkError(f"link {self.name}: {error.strerror}") from None
 
     def send(self, data: bytes) -> None:
@@ -91,7 +103,7 @@ class UdpLink:
         except (BlockingIOError, ConnectionRefusedError):
             pass
         except OSError as error:
-            if error.errno not in (errno.ENOBUFS, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN):
+            if error.errno not in _PASSING:
                 raise LinkError(f"link {self.name}: {error.strerror}") from None
 
     def lock(self) -> None:
@@ -136,6 +148,9 @@ class SerialLink:
 
     def send(self, data: bytes) -> None:
         try:
+            (queued,) = struct.unpack("i", fcntl.ioctl(self._fd, termios.TIOCOUTQ, b"\0\0\0\0"))
+            if queued > _QUEUED_BYTES:
+                return  # too slow a line: a set-point that waits there would be flown when it is old
             if self._unsent:  # the rest of a frame that the line took in part comes first, or both are lost
                 self._unsent = self._unsent[os.write(self._fd, self._unsent) :]
             if not self._unsent:

@@ -35,14 +35,6 @@ class Mode(IntEnum):
     TERMINATION = 10 << 16
 
 
-def mode_name(custom_mode: int) -> str:
-    """Name for a person; the number where PX4 has a mode we have no name for."""
-    try:
-        return Mode(custom_mode).name.capitalize()
-    except ValueError:
-        return f"mode {custom_mode >> 16 & 0xFF}.{custom_mode >> 24 & 0xFF}"
-
-
 class Result(IntEnum):
     """MAV_RESULT of COMMAND_ACK."""
 
@@ -77,6 +69,11 @@ def message_interval(system_id: int, component_id: int, message_id: int, rate_hz
     """SET_MESSAGE_INTERVAL; a rate of zero asks for the vehicle's default."""
     interval_us = 1e6 / rate_hz if rate_hz > 0 else 0.0
     return command(system_id, component_id, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
+
+
+def request_message(system_id: int, component_id: int, message_id: int) -> Any:
+    """REQUEST_MESSAGE: one message now, out of turn."""
+    return command(system_id, component_id, mavlink.MAV_CMD_REQUEST_MESSAGE, message_id)
 
 
 def arm(system_id: int, component_id: int) -> Any:

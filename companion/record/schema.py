@@ -45,12 +45,13 @@ FLOATS: Final = (
     Field("position_weight", 2, "first element of W of (22), 1/m"),
     Field("velocity_weight", 2, "second element of W of (22), s/m"),
     Field("control", 2, "u of (21), specific force over g, before limits"),
-    Field("actuator", 2, "w of (16), specific force over g, as measured"),
+    Field("actuator", 2, "w of (16), specific force over g: measured attitude, commanded thrust"),
     Field("hedge_deficit", 2, "w - u over the last tick, as the hedge took it"),
     Field("setpoint_q_wxyz", 4, "attitude set-point sent"),
     Field("setpoint_thrust", 1, "thrust set-point sent, normalised"),
     Field("latency_s", 1, "odometry received to set-point sent, our clock; zero in lockstep, where time stands still"),
 )
+CONTROL_FLOATS: Final = FLOATS[5:19]  # from command_ned_m to hedge_deficit: known only in control
 FLAGS: Final = (
     Field("state", 1, "authority: see companion.flight.authority.State"),
     Field("limited", 1, "1 when the tilt or the thrust limit cut the command"),

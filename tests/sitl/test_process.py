@@ -1,7 +1,10 @@
 """The flight process against a scripted autopilot on a real socket: what it must refuse, and what must end control."""
 
+import contextlib
 import math
+import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -20,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT / "config" / "antx_rig.yaml"
 SLOW = ["--uncertified", "--set", "tick.rate_hz=100", "--set", "tick.floor_hz=60", "--set", "mission.duration_s=60",
         "--set", "guards.heartbeat_age_s.limit=1.0"]  # fmt: skip
-OFFBOARD, HOLD = 6 << 16, 4 << 16 | 3 << 24
+OFFBOARD, HOLD, POSITION = 6 << 16, 4 << 16 | 3 << 24, 3 << 16
 
 
 class Autopilot(threading.Thread):
@@ -39,7 +42,9 @@ class Autopilot(threading.Thread):
         self.heartbeats = True
         self.mode = OFFBOARD
         self.obeys = True
+        self.pilot_after_hold = False
         self.heard: list[mavlink.MAVLink_message] = []
+        self.answers: list[mavlink.MAVLink_message] = []
         self.running = True
 
     def run(self) -> None:
@@ -59,7 +64,8 @@ class Autopilot(threading.Thread):
             time.sleep(max(0.0, began + 0.01 * k - time.monotonic()))
 
     def _words(self, k: int, time_us: int) -> list[mavlink.MAVLink_message]:
-        words = self.pose(time_us)
+        words = [*self.pose(time_us), *self.answers]
+        self.answers.clear()
         if k % 20 == 0 and self.heartbeats:
             armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
             words.append(mavlink.MAVLink_heartbeat_message(2, 12, armed, self.mode, 4, 3))
@@ -69,6 +75,9 @@ class Autopilot(threading.Thread):
         self.heard.append(message)
         if message.get_type() == "COMMAND_LONG" and message.command == 176 and self.obeys:
             self.mode = int(message.param2) << 16 | int(message.param3) << 24
+            self.answers.append(mavlink.MAVLink_command_ack_message(176, 0))
+            if self.pilot_after_hold:
+                self.mode = POSITION
 
     def setpoints(self) -> list[mavlink.MAVLink_message]:
         return [m for m in self.heard if m.get_type() == "SET_ATTITUDE_TARGET"]
@@ -126,7 +135,7 @@ def test_not_a_number_ends_control_and_is_never_sent(tmp_path: Path) -> None:
         autopilot.start()
         until(process, "^engaged")
         autopilot.pose = lambda time_us: odometry(time_us, math.nan)
-        assert "non_finite" in until(process, "^released")
+        assert "pose_invalid" in until(process, "^released")
         assert process.wait(5.0) == 1
         assert autopilot.mode == HOLD
         assert all(math.isfinite(v) for m in autopilot.setpoints() for v in (*m.q, m.thrust))
@@ -203,3 +212,73 @@ class Forged(mavlink.MAVLink_heartbeat_message):
 
     def pack(self, _: mavlink.MAVLink) -> bytes:
         return bytes(super().pack(self.sender))
+
+
+def test_a_blocked_terminal_does_not_hold_up_the_loop(tmp_path: Path) -> None:
+    """A pipe that nobody reads fills up; Ctrl-S does the same to a terminal."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, b"x" * 4096)
+    os.set_blocking(writing, True)
+    autopilot = Autopilot()
+    link = f"udpout://127.0.0.1:{autopilot.port}"
+    command = [sys.executable, "-m", "companion", "run", str(RIG), "--link", link, "--out", str(tmp_path), *SLOW]
+    process = subprocess.Popen(command, stdout=writing, stderr=subprocess.DEVNULL, cwd=ROOT)
+    try:
+        autopilot.start()
+        time.sleep(4.0)
+        before = len(autopilot.setpoints())
+        time.sleep(1.0)
+        assert len(autopilot.setpoints()) - before > 60
+    finally:
+        autopilot.running = False
+        process.kill()
+        process.wait()
+        autopilot.join()
+        autopilot.socket.close()
+        os.close(reading)
+        os.close(writing)
+
+
+def test_a_jump_of_the_odometry_clock_ends_control_with_its_own_reason(tmp_path: Path) -> None:
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        autopilot.pose = lambda time_us: odometry(time_us + 3_600_000_000)
+        assert "clock_jump" in until(process, "^released")
+        assert process.wait(5.0) == 1
+
+
+def test_hang_up_hands_over_too(tmp_path: Path) -> None:
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        process.send_signal(signal.SIGHUP)
+        assert "operator" in until(process, "^released")
+        assert process.wait(5.0) == 0
+        assert autopilot.mode == HOLD
+
+
+def test_a_pilot_who_chose_another_mode_after_hold_is_not_overruled(tmp_path: Path) -> None:
+    """Without CURRENT_MODE the release sees the change up to a heartbeat late; meanwhile it must not ask again."""
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        autopilot.pilot_after_hold = True
+        process.send_signal(signal.SIGINT)
+        until(process, "^released")
+        process.wait(5.0)
+        assert autopilot.mode == POSITION
+
+
+def test_a_vehicle_that_is_armed_already_is_left_to_its_pilot(tmp_path: Path) -> None:
+    with flown(tmp_path, "--engage") as (autopilot, process):
+        autopilot.mode = POSITION
+        autopilot.start()
+        assert process.wait(10.0) == 2
+        assert process.stderr is not None
+        assert "leaves it to its pilot" in process.stderr.read()
+        assert autopilot.mode == POSITION
+        assert not [m for m in autopilot.heard if m.get_type() == "COMMAND_LONG" and m.command in (176, 400)]
