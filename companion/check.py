@@ -28,10 +28,10 @@ ANGLES = {"x": "pitch", "y": "roll"}
 def check(config: Config, arguments: argparse.Namespace) -> int:
     """Run the pre-flight check. 0 certified, 1 not certified. Raises `ConfigError` for bad input."""
     stated = problem(config)
-    if arguments.degree < 2 or arguments.degree % 2:
-        raise ConfigError(f"--degree {arguments.degree}: it must be even and at least 2")
+    if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
+        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
     if arguments.verify is not None:
-        return _verify(arguments.verify, stated)
+        return _verify(arguments.verify, stated, as_json=arguments.json)
     from companion.certify.assess import to_json  # noqa: PLC0415
 
     console = Console(stderr=arguments.json)
@@ -66,13 +66,16 @@ def _assess(stated: Problem, arguments: argparse.Namespace, console: Console) ->
         )
 
 
-def _verify(path: Path, stated: Problem) -> int:
+def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
     """Verify a certificate file against the config, with the standard library alone."""
     certificate, reason = proof.load(path)
     if reason:
         raise ConfigError(reason)
     answer = proof.verify(certificate, statement(stated))
-    print(answer.reason, file=sys.stdout if answer.ok else sys.stderr)
+    if as_json:
+        print(json.dumps({"verified": answer.ok, "reason": answer.reason}))
+    else:
+        print(answer.reason, file=sys.stdout if answer.ok else sys.stderr)
     return 0 if answer.ok else 1
 
 
@@ -138,9 +141,11 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: a
 def verdict(assessment: Assessment) -> str:
     """One sentence."""
     if assessment.certified:
+        delayed = any(axis.delay_s for axis in assessment.axes.values())
         return (
             f"[bold green]Certified[/bold green] by a Lyapunov function of degree {assessment.degree}, "
-            "verified exactly: no adaptation inside the bounds can destabilise this attitude loop."
+            "verified exactly: no adaptation inside the bounds can destabilise this attitude loop"
+            + (", its delay taken as the Padé approximant of the config." if delayed else ".")
         )
     for name, (rate, limit) in assessment.adaptation_rates.items():
         if rate >= limit:
@@ -149,10 +154,11 @@ def verdict(assessment: Assessment) -> str:
                 "where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
             )
     for name, axis in assessment.axes.items():
-        if axis.unstable_below is not None and axis.tuned_bandwidth_rad_s <= axis.unstable_below[0]:
+        if axis.attack is not None:
+            growth = axis.attack.spectral_radius
             return (
                 f"[bold red]Not certified[/bold red], and it cannot be: axis {name} has an adaptation inside its "
-                f"bounds that blows up below {float(axis.unstable_below[0]):.3f} rad/s."
+                f"bounds, a switching of {sum(axis.attack.durations_s):.2f} s, that grows {growth:.3g}-fold a period."
             )
     return (
         "[bold red]Not certified[/bold red] by any degree tried: tune the attitude loop faster, cut the delay, or slow "

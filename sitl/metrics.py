@@ -32,8 +32,8 @@ def largest_step_m(config: Config) -> float:
 def score(config: Config, flight: Flight) -> Metrics:
     """Metrics of one flight. Raises `ValueError` when it was never in control.
 
-    A flight is unstable when the error of its last quarter is no transient any more: its RMS is above half the peak, or
-    above half the largest step of the command. Errors below 5 cm are not judged.
+    A flight is unstable when it still swings in its last quarter: by more than half of all it swung, or with an RMS
+    above half the largest step of the command. Swings below 5 cm are not judged.
     """
     ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
     if not len(ticks):
@@ -44,6 +44,8 @@ def score(config: Config, flight: Flight) -> Metrics:
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values**2)))
 
-    late, peak = distance[-max(1, len(distance) // 4) :], float(distance.max())
-    bound = 0.5 * min(peak, largest_step_m(config) or peak)
-    return Metrics(peak, rms(distance), peak < _NOT_JUDGED_M or rms(late) <= bound)
+    quarter = max(1, len(distance) // 4)
+    swing, late_swing = (float(np.ptp(e, axis=0).max()) for e in (error, error[-quarter:]))
+    step = largest_step_m(config)
+    swings_on = late_swing > 0.5 * swing or 0.0 < 0.5 * step < rms(distance[-quarter:])
+    return Metrics(float(distance.max()), rms(distance), swing < _NOT_JUDGED_M or not swings_on)

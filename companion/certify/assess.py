@@ -1,6 +1,7 @@
 """All answers about one problem: certified or not, by what margin, and what could be had."""
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from typing import NamedTuple
@@ -14,8 +15,9 @@ from companion.certify.bandwidth import (
     with_bandwidth,
 )
 from companion.certify.certificate import certify
-from companion.certify.falsify import Counterexample, unstable_bandwidth
-from companion.certify.problem import AxisProblem, Problem
+from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
+from companion.certify.problem import MAX_PADE_ORDER, AxisProblem, Problem
+from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import Json
 
@@ -39,6 +41,9 @@ class AxisAssessment(NamedTuple):
         Largest certified delay in s.
     fastest_reference
         Largest certified natural frequency in rad/s.
+    attack
+        A switching that makes the tuned loop itself grow, with its delay as a Pade approximant of the highest order:
+        a proof about a coarser approximant does not stand against it. None if none was found, or none can be.
     """
 
     tuned_bandwidth_rad_s: Decimal
@@ -47,6 +52,7 @@ class AxisAssessment(NamedTuple):
     delay_s: Decimal
     maximum_delay: Certified | None
     fastest_reference: Certified | None
+    attack: Counterexample | None
 
 
 class Assessment(NamedTuple):
@@ -71,8 +77,9 @@ class Assessment(NamedTuple):
 
     @property
     def certified(self) -> bool:
-        """Whether there is a certificate and every adaptation rate is below its limit."""
-        return self.certificate is not None and all(rate < limit for rate, limit in self.adaptation_rates.values())
+        """Whether there is a certificate, no attack, and every adaptation rate is below its limit."""
+        sampled = all(rate < limit for rate, limit in self.adaptation_rates.values())
+        return self.certificate is not None and sampled and all(axis.attack is None for axis in self.axes.values())
 
 
 def assess(
@@ -102,8 +109,8 @@ def assess(
     ValueError
         If `max_degree` is not an even number from 2 on.
     """
-    if max_degree < 2 or max_degree % 2:
-        raise ValueError(f"degree must be even and at least 2, not {max_degree}")
+    if not 2 <= max_degree <= MAX_DEGREE or max_degree % 2:
+        raise ValueError(f"degree must be even, from 2 to {MAX_DEGREE}, not {max_degree}")
     show = progress or _silent
     certificate = certify(problem, max_degree)
     known: dict[AxisProblem, AxisAssessment] = {}
@@ -177,11 +184,22 @@ def _assess_axis(
             floor = float(unstable[0]) if unstable else 0.0
             minimum[degree] = minimum_bandwidth(axis, degree, floor, float(best.value) if best else None)
         best = minimum[degree] or best
+    needed = [d for d, found in minimum.items() if found is not None and found.value <= tuned]
+    tried = [d for d in degrees if d <= max(DELAY_DEGREE, *needed[:1])]
     show(0.6, "delay")
-    delay = largest_delay(axis, [d for d in degrees if d <= DELAY_DEGREE])
+    delay = largest_delay(axis, tried)
     show(0.8, "fastest reference model")
-    quickest = fastest_reference(axis, [d for d in degrees if d <= DELAY_DEGREE]) if fastest else None
-    return AxisAssessment(tuned, minimum, unstable, axis.response.delay_s.upper, delay, quickest)
+    quickest = fastest_reference(axis, tried) if fastest else None
+    show(0.95, "attack")
+    attack = None if needed and not axis.response.delay_s.upper else _attack(axis)
+    return AxisAssessment(tuned, minimum, unstable, axis.response.delay_s.upper, delay, quickest, attack)
+
+
+def _attack(axis: AxisProblem) -> Counterexample | None:
+    """A switching that destabilises the axis as tuned, its delay modelled as finely as can be."""
+    finest = replace(axis, response=replace(axis.response, pade_order=MAX_PADE_ORDER))
+    worst = worst_switching(finest)
+    return worst if worst.spectral_radius > 1 + GROWTH_FLOOR else None
 
 
 def _silent(_fraction: float, _text: str) -> None:

@@ -238,4 +238,4 @@ def _half_power_frequency(dynamics: TransferFunction) -> Decimal:
 
 
 def _ceiling(value: Decimal, places: Decimal) -> Decimal:
-    return value.quantize(places, ROUND_CEILING)
+    return value.quantize(places, ROUND_CEILING, EXACT)

@@ -46,8 +46,11 @@ def prove(vertices: Sequence[Matrix], degree: int, scaling: Scaling | None = Non
     scaling
         Scaling to use; by default that of the vertices themselves.
     """
-    scaling = scaling or Scaling(vertices)
-    candidate = solve(scaling.apply(vertices), degree)
+    try:
+        scaling = scaling or Scaling(vertices)
+        candidate = solve(scaling.apply(vertices), degree)
+    except np.linalg.LinAlgError:  # numbers too far apart for floating point: no candidate, no proof
+        return None
     if candidate is None:
         return None
     for bits in ROUNDING_BITS:

@@ -11,6 +11,8 @@ from fractions import Fraction
 from typing import NamedTuple
 
 MAX_PADE_ORDER = 4
+SHORTEST_DELAY_S = Decimal("0.00001")
+FREQUENCIES_RAD_S = (Decimal("0.001"), Decimal(10_000))  # of reference models and attitude responses
 MAX_ORDER = 6  # of a transfer function
 MAX_DIGITS = (
     40  # of a decimal, on either side of the point: enough for any config, and no number can stall a verification
@@ -134,6 +136,7 @@ class AxisProblem:
         for name in ("natural_frequency_rad_s", "damping_ratio", "gravity_m_s2"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+        _check_frequency("natural frequency", self.natural_frequency_rad_s)
         names = ("position", "velocity")
         bounds = zip(names, self.weights_lower, nominal_weights(self), self.weights_upper, strict=True)
         for name, lower, nominal, upper in bounds:
@@ -169,9 +172,11 @@ class Sampling:
     lyapunov_q: tuple[Decimal, Decimal] = (Decimal(1), Decimal(1))
 
     def __post_init__(self) -> None:
-        for name in ("tick_rate_hz", "adaptation_rate", "position_m", "velocity_m_s"):
+        for name in ("tick_rate_hz", "position_m", "velocity_m_s"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+        if self.adaptation_rate < 0:
+            raise ValueError(f"adaptation_rate must not be negative, not {self.adaptation_rate}")
         if min(self.lyapunov_q) <= 0:
             raise ValueError("lyapunov_q must be positive")
 
@@ -220,14 +225,20 @@ def check_response(response: AttitudeResponse) -> None:
     dynamics, delay = response.dynamics, response.delay_s
     if isinstance(dynamics, FirstOrder):
         _check_positive("bandwidth", dynamics.bandwidth_rad_s)
+        for end in dynamics.bandwidth_rad_s:
+            _check_frequency("bandwidth", end)
     elif isinstance(dynamics, SecondOrder):
         _check_positive("attitude natural frequency", dynamics.natural_frequency_rad_s)
+        for end in dynamics.natural_frequency_rad_s:
+            _check_frequency("attitude natural frequency", end)
         _check_positive("attitude damping ratio", dynamics.damping_ratio)
     else:
         _check_transfer_function(dynamics)
     if not isinstance(response.pade_order, int) or not 1 <= response.pade_order <= MAX_PADE_ORDER:
         raise ValueError(f"pade_order must be 1 to {MAX_PADE_ORDER}, not {response.pade_order}")
     _check_order("delay", delay)
+    if 0 < delay.upper < SHORTEST_DELAY_S:
+        raise ValueError(f"delay {delay.upper} s is too short to tell from none: write 0")
     if delay.lower < 0 or (delay.lower == 0 < delay.upper):
         raise ValueError(f"delay must be zero or an interval above zero, not {delay.lower} to {delay.upper} s")
 
@@ -235,6 +246,12 @@ def check_response(response: AttitudeResponse) -> None:
 def _check_order(name: str, value: Interval) -> None:
     if value.lower > value.upper:
         raise ValueError(f"{name} interval is upside down: {value.lower} to {value.upper}")
+
+
+def _check_frequency(name: str, value: Decimal) -> None:
+    lowest, highest = FREQUENCIES_RAD_S
+    if not lowest <= value <= highest:
+        raise ValueError(f"{name} {value} rad/s is outside {lowest} to {highest} rad/s")
 
 
 def _check_positive(name: str, value: Interval) -> None:

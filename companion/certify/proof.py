@@ -21,10 +21,13 @@ from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_vertices, joint_vertices
 from companion.certify.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
+from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import digest, problem_of
 
 SCHEMA = 1
 MAX_DEGREE = 16
+MAX_BITS = 200  # of a numerator or denominator
+MAX_FILE_BYTES = 4_000_000
 MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
 JOINT = "joint"
 
@@ -72,6 +75,8 @@ def load(path: Path | str) -> tuple[dict[str, object], str]:
         The JSON object and an empty text, or an empty object and one line that says why there is none.
     """
     try:
+        if Path(path).stat().st_size > MAX_FILE_BYTES:
+            return {}, f"certificate {path} is larger than {MAX_FILE_BYTES} bytes"
         content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_unique_keys)
     except OSError as error:
         return {}, f"cannot read certificate {path}: {error.strerror or error}"
@@ -118,6 +123,10 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
     stated = problem_of(certificate["problem"])
     if digest(certificate["assumptions"]) != digest(assumptions(stated)):
         return Verdict(False, "certificate lists other assumptions than its problem makes")
+    for name, sampling in stated.sampling.items():
+        limit = largest_adaptation_rate(stated.axes[name], sampling)
+        if not float(sampling.adaptation_rate) < limit:
+            return Verdict(False, f"adaptation rate {sampling.adaptation_rate} of axis {name} is not below {limit:.4g}")
     proofs = certificate["proofs"]
     wanted = channels(stated)
     if not isinstance(proofs, Mapping) or set(proofs) != set(wanted):
@@ -257,7 +266,11 @@ def _rationals(stated: object) -> tuple[Fraction, ...]:
 def _rational(stated: object) -> Fraction:
     if not isinstance(stated, str) or len(stated) > 200 or not set(stated) <= set("-/0123456789"):
         raise ValueError("a number is not a rational of the form -3/8")
-    return Fraction(stated)
+    number = Fraction(stated)
+    # Powers of two, as the writer makes them: a common denominator is then one of them, and no file stalls this check.
+    if number.denominator & (number.denominator - 1) or max(number.denominator, abs(number.numerator)) >> MAX_BITS:
+        raise ValueError(f"a number is not a short multiple of a power of two: {stated[:40]}")
+    return number
 
 
 def _list(stated: object) -> list[object]:

@@ -9,17 +9,21 @@ e - Gamma s`, `Phi = exp(A_r dt)`, `Gamma` the integral of `exp(A_r t) B`; at a 
 |x|^2 e^T P B` to s. Both orders of a tick are checked, the command from the weights before and after their step. The
 regressor enters through `gamma |x|^2` alone and the characteristic polynomial is affine in it, so the first loss of
 stability is found in closed form (Jury) and covers every smaller regressor. It is a condition for each regressor held
-still, not a proof for all that move."""
+still, not a proof for all that move. The stricter of the two orders of a tick counts: what flies uses the weights it
+has just updated and would bear more.
+
+Standard library only, on the discretisation and the Lyapunov solution that fly: `companion run` checks it too."""
+
+from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.polynomial import Polynomial
-from scipy.linalg import expm, solve_continuous_lyapunov
-
-from companion.certify.lyapunov import Floats
 from companion.certify.problem import AxisProblem, Sampling
+from companion.control.mrac import solve_lyapunov
+from companion.control.reference_model import transition
+
+Rows = tuple[tuple[float, float, float], ...]
 
 
 class ErrorDynamics(NamedTuple):
@@ -28,29 +32,29 @@ class ErrorDynamics(NamedTuple):
     Attributes
     ----------
     transition
-        (2, 2) Phi over one tick.
+        (2, 2) Phi over one tick, by rows.
     input
         (2,) Gamma over one tick, for B = [0, g].
     gain
         (2,) `dt P B`, P from eq. (23).
     """
 
-    transition: Floats
-    input: Floats
-    gain: Floats
+    transition: tuple[tuple[float, float], tuple[float, float]]
+    input: tuple[float, float]
+    gain: tuple[float, float]
 
 
 def error_dynamics(problem: AxisProblem, sampling: Sampling) -> ErrorDynamics:
     """Discretise the tracking error of one axis at the tick rate."""
     wn, zeta, g = (float(v) for v in (problem.natural_frequency_rad_s, problem.damping_ratio, problem.gravity_m_s2))
     dt = 1 / float(sampling.tick_rate_hz)
-    reference = np.array([[0.0, 1.0], [-wn * wn, -2 * zeta * wn]])
-    inlet = np.array([0.0, g])
-    p = solve_continuous_lyapunov(reference.T, -np.diag([float(q) for q in sampling.lyapunov_q]))
-    augmented = np.zeros((3, 3))
-    augmented[:2, :2], augmented[:2, 2] = reference, inlet
-    moved = expm(augmented * dt)
-    return ErrorDynamics(moved[:2, :2], moved[:2, 2], dt * (p @ inlet))
+    over = transition(wn, zeta, dt)
+    _, p12, p22 = solve_lyapunov(wn, zeta, float(sampling.lyapunov_q[0]), float(sampling.lyapunov_q[1]))
+    return ErrorDynamics(
+        ((over.phi11, over.phi12), (over.phi21, over.phi22)),
+        (g * over.gamma1, g * over.gamma2),
+        (dt * g * p12, dt * g * p22),
+    )
 
 
 def largest_adaptation_rate(problem: AxisProblem, sampling: Sampling) -> float:
@@ -70,11 +74,11 @@ def largest_adaptation_rate(problem: AxisProblem, sampling: Sampling) -> float:
     """
     envelope = float(sampling.position_m) ** 2 + float(sampling.velocity_m_s) ** 2
     model = error_dynamics(problem, sampling)
-    return float(min(_first_instability(model, updated) for updated in (False, True)) / envelope)
+    return min(_first_instability(model, updated) for updated in (False, True)) / envelope
 
 
-def tick_matrix(model: ErrorDynamics, strength: float, updated: bool) -> Floats:
-    """(3, 3) transition of [e, s] over one tick.
+def tick_matrix(model: ErrorDynamics, strength: float, updated: bool) -> Rows:
+    """(3, 3) transition of [e, s] over one tick, by rows.
 
     Parameters
     ----------
@@ -85,24 +89,40 @@ def tick_matrix(model: ErrorDynamics, strength: float, updated: bool) -> Floats:
     updated
         Whether the command of a tick already uses the weights that this tick has updated.
     """
-    learning = strength * model.gain
-    matrix = np.eye(3)
-    matrix[:2, :2], matrix[:2, 2] = model.transition, -model.input
+    (f11, f12), (f21, f22) = model.transition
+    (b1, b2), (l1, l2) = model.input, (strength * model.gain[0], strength * model.gain[1])
     if updated:
-        matrix[:2, :2] -= np.outer(model.input, learning)
-    matrix[2, :2] = learning
-    return matrix
+        f11, f12, f21, f22 = f11 - b1 * l1, f12 - b1 * l2, f21 - b2 * l1, f22 - b2 * l2
+    return (f11, f12, -b1), (f21, f22, -b2), (l1, l2, 1.0)
+
+
+def _characteristic(m: Rows) -> tuple[float, float, float]:
+    """(a2, a1, a0) of det(z I - m) = z^3 + a2 z^2 + a1 z + a0."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    minors = (e * i - f * h) + (a * i - c * g) + (a * e - b * d)
+    return -(a + e + i), minors, -(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def _first_instability(model: ErrorDynamics, updated: bool) -> float:
     """Smallest positive strength at which a root of the characteristic polynomial reaches the unit circle."""
-    scale = 1 / float(np.abs(model.gain).max() * np.abs(model.input).max())
-    start = np.poly(tick_matrix(model, 0.0, updated))
-    # exactly affine: the strength enters by a matrix of rank one
-    slope = np.poly(tick_matrix(model, scale, updated)) - start
-    _, a2, a1, a0 = (Polynomial([c0, c1]) for c0, c1 in zip(start, slope, strict=True))
-    # of z^3 + a2 z^2 + a1 z + a0: a root at z = -1, a pair on the circle (Jury); at z = 1 only for strength zero
-    margins = [1 - a2 + a1 - a0, 1 - a0 * a0 - a1 + a0 * a2]
-    roots = np.concatenate([np.asarray(margin.trim(1e-12).roots(), dtype=complex) for margin in margins])
-    crossings = [float(root.real) for root in roots if abs(root.imag) < 1e-9 * root.real]
-    return scale * min(crossings, default=math.inf)
+    scale = 1 / (max(map(abs, model.gain)) * max(map(abs, model.input)))
+    start = _characteristic(tick_matrix(model, 0.0, updated))
+    far = _characteristic(tick_matrix(model, scale, updated))
+    # Exactly affine in the strength, which enters by a matrix of rank one: a_k = p_k + q_k s.
+    (p2, p1, p0), (q2, q1, q0) = start, tuple(f - s for f, s in zip(far, start, strict=True))
+    # A root at z = -1; a pair on the circle (Jury). At z = 1 there is one only for strength zero.
+    at_minus_one = _roots(0.0, q2 * -1 + q1 - q0, 1 - p2 + p1 - p0)
+    on_circle = _roots(q0 * (q2 - q0), q0 * (p2 - 2 * p0) + p0 * q2 - q1, 1 - p0 * p0 - p1 + p0 * p2)
+    # Strength zero itself is on the circle: rounding must not make it the answer.
+    return scale * min((s for s in (*at_minus_one, *on_circle) if s > 1e-9), default=math.inf)
+
+
+def _roots(a: float, b: float, c: float) -> list[float]:
+    """Real roots of a s^2 + b s + c, without cancellation."""
+    if abs(a) < 1e-12 * max(abs(b), abs(c)):
+        return [-c / b] if b else []
+    square = b * b - 4 * a * c
+    if square < 0:
+        return []
+    half = -0.5 * (b + math.copysign(math.sqrt(square), b))
+    return [half / a, c / half] if half else [0.0]

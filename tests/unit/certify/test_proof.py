@@ -241,3 +241,23 @@ def test_verification_of_degree_eight_is_fast_too(simulation):
     assert time.perf_counter() - start < 0.1
     assert all(v.denominator & (v.denominator - 1) == 0 for v in proof.lyapunov)
     assert isinstance(proof.time_scale, Fraction)
+
+
+def test_a_resealed_adaptation_rate_above_the_sampling_limit_is_refused(certificate):
+    forged = copy.deepcopy(certificate)
+    forged["problem"]["sampling"]["x"]["adaptation_rate"] = "100000"
+    verdict = verify(resealed(forged))
+    assert not verdict.ok
+    assert "adaptation rate 100000 of axis x is not below" in verdict.reason
+
+
+def test_long_denominators_are_refused_before_they_cost_time(certificate):
+    """Distinct odd denominators would make their common one explode."""
+    forged = copy.deepcopy(certificate)
+    entries = forged["proofs"]["x"]["lyapunov"]
+    forged["proofs"]["x"]["lyapunov"] = [f"1/{10**90 + 2 * k + 1}" for k in range(len(entries))]
+    begun = time.perf_counter()
+    verdict = verify(resealed(forged))
+    assert not verdict.ok
+    assert "power of two" in verdict.reason
+    assert time.perf_counter() - begun < 1.0
