@@ -185,7 +185,7 @@ def _assess_axis(
             minimum[degree] = minimum_bandwidth(axis, degree, floor, float(best.value) if best else None)
         best = minimum[degree] or best
     needed = [d for d, found in minimum.items() if found is not None and found.value <= tuned]
-    tried = [d for d in degrees if d <= max(DELAY_DEGREE, *needed[:1])]
+    tried = [d for d in degrees if d <= max([DELAY_DEGREE, *needed[:1]])]
     show(0.6, "delay")
     delay = largest_delay(axis, tried)
     show(0.8, "fastest reference model")
