@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from multiprocessing.queues import Queue
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,7 +109,15 @@ def _share_a_core(core: int, plant_pid: int) -> None:
     os.sched_setaffinity(0, {core})
 
 
-def fly(job: Job, progress: queue.Queue[tuple[str, Status]]) -> tuple[Summary, float]:
+_reports: Queue[tuple[str, Status]] | None = None  # of a flight's own process: where its progress goes
+
+
+def _report_to(reports: Queue[tuple[str, Status]]) -> None:
+    global _reports  # noqa: PLW0603 - a queue can be handed to a pool's processes only at their birth
+    _reports = reports
+
+
+def fly(job: Job) -> tuple[Summary, float]:
     """Fly one mission in this process: how it ended, and the wall time it took.
 
     Raises `ExperimentError`, `LinkError` or `ConfigError`.
@@ -127,9 +136,9 @@ def fly(job: Job, progress: queue.Queue[tuple[str, Status]]) -> tuple[Summary, f
 
         def on_status(status: Status) -> None:
             nonlocal shown_s
-            if time.monotonic() - shown_s > _REFRESH_S:
+            if _reports is not None and time.monotonic() - shown_s > _REFRESH_S:
                 shown_s = time.monotonic()
-                progress.put((job.controller, status))
+                _reports.put((job.controller, status))
 
         flight_process = FlightProcess(
             job.config,
@@ -155,14 +164,14 @@ def fly_all(jobs: list[Job], on_status: Callable[[str, Status], None]) -> list[O
     Ctrl-C reaches the flights, which release and end; this process waits for them.
     """
     context = get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(len(jobs), mp_context=context) as pool:
+    reports: Queue[tuple[str, Status]] = context.Queue()
+    with ProcessPoolExecutor(len(jobs), context, _report_to, (reports,)) as pool:
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            progress = manager.Queue()
-            futures = [pool.submit(fly, job, progress) for job in jobs]
+            futures = [pool.submit(fly, job) for job in jobs]
             while not all(future.done() for future in futures):
                 with contextlib.suppress(queue.Empty):
-                    on_status(*progress.get(timeout=_REFRESH_S))
+                    on_status(*reports.get(timeout=_REFRESH_S))
             ended = [future.result() for future in futures]
         finally:
             signal.signal(signal.SIGINT, before)
