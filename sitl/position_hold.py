@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from companion.control import attitude
+from companion.control.types import GRAVITY_M_S2
 from sitl.vehicle import VehicleState
-
-GRAVITY_M_S2: Final = 9.81
 
 POSITION_GAIN_PER_S: Final = 0.45
 VELOCITY_GAIN_PER_S: Final = 1.3
@@ -138,8 +138,7 @@ def attitude_from_acceleration(ax: float, ay: float, az: float, yaw_rad: float) 
 
 def yaw_of(q_wxyz: Quaternion) -> float:
     """Yaw of an attitude in rad."""
-    w, x, y, z = q_wxyz
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return attitude.yaw(*q_wxyz)
 
 
 def _clamp(value: float, limit: float) -> float:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from companion.control.types import GRAVITY_M_S2
 from sitl.attitude_loop import AngleGains, RateGains, RateState, Response, rate_step, respond, wanted_rates
-
-GRAVITY_M_S2 = 9.81
 
 
 class QuadrotorParams(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.control import attitude
 from sitl.autopilot import Autopilot
 from sitl.geodesy import ORIGIN, to_global
 from sitl.modes import custom_mode, standard_mode
@@ -279,8 +280,7 @@ class StatusMessages:
 
 def heading_deg(q_wxyz: tuple[float, float, float, float]) -> float:
     """Compass heading of an attitude, 0 to 360 degrees."""
-    w, x, y, z = q_wxyz
-    return math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))) % 360.0
+    return math.degrees(attitude.yaw(*q_wxyz)) % 360.0
 
 
 def whole(value: float, bits: int) -> int:

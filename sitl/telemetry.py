@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Encoder, Layout
 from sitl.autopilot import Autopilot
 from sitl.geodesy import to_global
+from sitl.quadrotor import euler
 from sitl.status_messages import Build, StatusMessages, heading_deg, real, whole
 
 NAN: Final = math.nan
@@ -85,11 +86,8 @@ class Telemetry:
         return self._attitude_quaternion(sequence, self._now_ms, *q_wxyz, *rates, 0.0, 0.0, 0.0, 0.0)
 
     def attitude(self, sequence: int) -> bytes:
-        _, _, (w, x, y, z), rates, _ = self._autopilot.estimate()
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        return self._attitude(sequence, self._now_ms, roll, pitch, yaw, *rates)
+        _, _, q_wxyz, rates, _ = self._autopilot.estimate()
+        return self._attitude(sequence, self._now_ms, *euler(*q_wxyz), *rates)
 
     def local_position_ned(self, sequence: int) -> bytes:
         position, velocity, *_ = self._autopilot.estimate()

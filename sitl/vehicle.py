@@ -6,6 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple, Protocol
 
+from companion.control.types import GRAVITY_M_S2
 from sitl import quadrotor, rig
 from sitl.attitude_loop import RateState
 
@@ -75,7 +76,7 @@ class Rig:
             (s.velocity_m_s, 0.0, 0.0),
             (math.cos(half), 0.0, math.sin(half), 0.0),
             (0.0, s.pitch_rate_rad_s, 0.0),
-            (0.0, 0.0, -rig.GRAVITY_M_S2 * self._thrust_ratio),
+            (0.0, 0.0, -GRAVITY_M_S2 * self._thrust_ratio),
         )
 
     def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
@@ -102,7 +103,7 @@ class Quadrotor:
     ) -> None:
         self.hover_thrust = hover_thrust
         self._params = params
-        self._full_thrust_n = params.mass_kg * quadrotor.GRAVITY_M_S2 / hover_thrust
+        self._full_thrust_n = params.mass_kg * GRAVITY_M_S2 / hover_thrust
         self._thrust_n = 0.0
         rest = RateState(0.0, 0.0)
         self._state = quadrotor.QuadrotorState(
@@ -125,7 +126,7 @@ class Quadrotor:
         q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
         self._thrust_n = thrust * self._full_thrust_n
         if self.on_ground():
-            if self._thrust_n <= self._params.mass_kg * quadrotor.GRAVITY_M_S2:
+            if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:
                 self._rest()
                 return
             _, _, yaw = quadrotor.euler(*q_wxyz)

@@ -20,6 +20,7 @@ from companion.certify.problem import interval as exact_interval
 from companion.config.attitude import ResponseSection
 from companion.config.load import ConfigError
 from companion.config.schema import AxisSection, Config, interval
+from companion.control.types import GRAVITY_M_S2
 
 
 def certificate_path(config_path: Path) -> Path:
@@ -58,6 +59,7 @@ def _axis(axis: AxisSection, response: ResponseSection) -> AxisProblem:
         (decimal(position[0]), decimal(velocity[0])),
         (decimal(position[1]), decimal(velocity[1])),
         _response(response),
+        decimal(GRAVITY_M_S2),
     )
 
 

@@ -5,7 +5,9 @@ Frames: local NED, body FRD, quaternion scalar first, body to NED. SI units.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+GRAVITY_M_S2: Final = 9.81  # of the controller, its certificate and the plant alike
 
 
 class Odometry(NamedTuple):

@@ -8,8 +8,7 @@ from companion.config.schema import AxisSection, Config, interval
 from companion.control.altitude import AltitudeParams
 from companion.control.mrac import AxisParams, nominal_weights, solve_lyapunov
 from companion.control.position import PositionParams
-
-GRAVITY_M_S2 = 9.81
+from companion.control.types import GRAVITY_M_S2
 
 
 def axis_params(axis: AxisSection, *, hedging: bool) -> AxisParams:

@@ -12,8 +12,8 @@ from contextlib import closing
 from typing import Any, Final
 
 import pytest
-from plant_main import NOBODY, RunningPlant, autopilot, quadrotor, rig
 from pymavlink.dialects.v20 import development as mavlink
+from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
 from sitl.modes import Mode, custom_mode
 from sitl.ports import SerialEndpoint, UdpEndpoint, parse_serial

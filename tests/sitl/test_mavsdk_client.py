@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -18,19 +17,19 @@ from mavsdk.plugins.offboard import Attitude, Offboard
 from mavsdk.plugins.param import Param, ParamError
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
-HERE = Path(__file__).parent
+ROOT = Path(__file__).resolve().parents[2]
 TAKEOFF_M = 1.5
 
 
 @pytest.fixture
 def plant_port() -> Iterator[int]:
-    """A quadrotor in a process of its own, quick to take off and to land."""
-    command = [sys.executable, str(HERE / "plant_main.py"), "quadrotor"]
-    command += ["COM_SPOOLUP_TIME=0.2", "MPC_TKO_RAMP_T=0.5", "COM_DISARM_LAND=0.5", "NAV_MC_ALT_RAD=0.3"]
-    environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+    """`companion sitl --serve` with the paper's quadrotor, quick to take off and to land."""
+    quick = "{COM_SPOOLUP_TIME: 0.2, MPC_TKO_RAMP_T: 0.5, COM_DISARM_LAND: 0.5, NAV_MC_ALT_RAD: 0.3}"
+    command = [sys.executable, "-u", "-m", "companion", "sitl", str(ROOT / "config" / "paper_quadrotor.yaml")]
+    command += ["--serve", "--port", "0", "--set", f"plant.parameters={quick}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
-        yield int(process.stdout.readline())
+        yield int(process.stdout.readline().rsplit(maxsplit=1)[-1])
         process.send_signal(signal.SIGTERM)
         assert process.wait(5.0) == 0, "SIGTERM must end the plant in good order"
 

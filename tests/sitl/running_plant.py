@@ -1,19 +1,14 @@
-"""A small plant for tests: a quadrotor or a rig behind the autopilot, in a thread or as a process of its own.
-
-As a script: `plant_main.py KIND [NAME=VALUE ...]` serves KIND (`quadrotor` or `rig`) in real time on a UDP port of the
-system's choice, prints the port, and ends on SIGTERM.
-"""
+"""A small plant for tests: a quadrotor or a rig behind the autopilot, served from a thread."""
 
 from __future__ import annotations
 
-import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from types import TracebackType
 
 from sitl.attitude_loop import AngleGains, RateGains, Response
 from sitl.autopilot import Autopilot
-from sitl.parameters import PX4_DEFAULTS, Parameters
+from sitl.parameters import Parameters
 from sitl.ports import Endpoint, UdpEndpoint
 from sitl.quadrotor import QuadrotorParams
 from sitl.rig import RigParams
@@ -95,15 +90,3 @@ class RunningPlant:
     def __exit__(self, kind: type[BaseException] | None, value: object, trace: TracebackType | None) -> None:
         self._stop.set()
         self.join()
-
-
-def main(arguments: Sequence[str]) -> None:
-    kind, *settings = arguments
-    vehicle: Vehicle = rig() if kind == "rig" else quadrotor()
-    pairs = (setting.partition("=") for setting in settings)
-    given: Mapping[str, float] = {name: type(PX4_DEFAULTS[name])(value) for name, _, value in pairs}
-    serve(autopilot(vehicle, **given), [UdpEndpoint(0, NOBODY)], on_ready=lambda port: print(port, flush=True))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
