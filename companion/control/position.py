@@ -104,13 +104,14 @@ def step(
     now = in_control_frame(odometry, anchor_x, anchor_y, yaw, thrust_ratio)
     at_x, vx, wx, at_y, vy, wy = now
     c, s = math.cos(yaw), math.sin(yaw)
-    north, east = command.x_m - anchor_x, command.y_m - anchor_y
+    command_x, command_y, command_z, command_yaw = command
+    north, east = command_x - anchor_x, command_y - anchor_y
     x, out_x = mrac.step(params_x, state_x, at_x, vx, wx, c * north + s * east, dt_s)
     if one_axis:
         y, out_y, z, up = state_y, mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), state_z, 1.0
     else:
         y, out_y = mrac.step(params_y, state_y, at_y, vy, wy, c * east - s * north, dt_s)
-        z, up = altitude.step(params_z, state_z, odometry.z_m, odometry.vz_m_s, command.z_m, dt_s)
+        z, up = altitude.step(params_z, state_z, odometry.z_m, odometry.vz_m_s, command_z, dt_s)
     up_limited = min(max(up, thrust_min / hover_thrust), thrust_max / hover_thrust)
 
     along, across = out_x.control, out_y.control
@@ -119,7 +120,7 @@ def step(
     scale = 1.0 if wanted <= reach else reach / wanted
     along, across = scale * along, scale * across
     force_z = -math.sqrt(1.0 - along * along) if one_axis else -up_limited
-    qw, qx, qy, qz, force = attitude.extract(c * along - s * across, s * along + c * across, force_z, command.yaw_rad)
+    qw, qx, qy, qz, force = attitude.extract(c * along - s * across, s * along + c * across, force_z, command_yaw)
     thrust = min(force * hover_thrust, thrust_max)
     limited = scale < 1.0 or up != up_limited or thrust < force * hover_thrust
     return (

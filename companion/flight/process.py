@@ -30,7 +30,7 @@ from companion.record.schema import pack_event
 _POSE = frozenset({ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id})
 _MODE = frozenset({HEARTBEAT.message_id, CURRENT_MODE.message_id})
 _CONNECTING, _CHECKING, _STANDBY, _ENGAGED, _RELEASED = State  # on its class, looking up a member costs tenfold
-_HOUSEKEEPING_S = 0.05
+_HOUSEKEEPING_S = 0.1
 _HEARTBEAT_S = 1.0
 _CALL_S = 0.2  # between heartbeats until the vehicle has answered
 _OFFBOARD = int(Mode.OFFBOARD)
@@ -77,6 +77,7 @@ class FlightProcess:
         self._reason = Reason.OPERATOR
         self._detail = ""
         self._streamed = self._engaged = False
+        self._stamp_us = 0  # of what came last, and of the answer to it
         self._largest_step_s = min(self._guards.pose_age_s, 1.0)
         self._sample: Odometry | None = None
         self._ground_z_m = 0.0
@@ -118,10 +119,11 @@ class FlightProcess:
             wall_s = time.monotonic()
             if not self._lockstep:
                 self._now_s = wall_s
-            self._decide()  # before what has come is believed: after a pause of ours it is stale
+            self._watch()  # before what has come is believed: after a pause of ours it is stale
             if data:
                 heard_s = wall_s
-                for frame in self._port.frames(data, self._time_us()):
+                self._stamp_us = self._time_us()
+                for frame in self._port.frames(data, self._stamp_us):
                     self._take(frame)
             elif self._lockstep:
                 self._silence(wall_s - heard_s)
@@ -178,6 +180,7 @@ class FlightProcess:
             if last is None:
                 self._next = dict.fromkeys(self._next, 0.0)  # from here on time is the odometry's
             self._now_s = sample.time_s
+            self._stamp_us = self._time_us()
         self._sample = sample
         self._pose_at_s = self._now_s
         if engaged:
@@ -219,12 +222,12 @@ class FlightProcess:
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""
         self._streamed = True
-        self._port.send_setpoint(round(sample.time_s * 1e3) & 0xFFFFFFFF, *setpoint, self._time_us())
+        self._port.send_setpoint(round(sample.time_s * 1e3) & 0xFFFFFFFF, *setpoint, self._stamp_us)
         return 0.0 if self._lockstep else time.monotonic() - self._now_s
 
     def _record(self, tick: bytes) -> None:
         self._ticks += 1
-        self._recorder.add(TICK, self._time_us(), tick)
+        self._recorder.add(TICK, self._stamp_us, tick)
 
     # -- what goes on beside it ---------------------------------------------------------------------------------------
 
@@ -236,7 +239,7 @@ class FlightProcess:
         return Known(self._port.connected, checked, self._port.mode, self._port.armed, fault)
 
     def _housekeep(self, clock_s: float, wall_s: float) -> None:
-        """Everything slow, at 20 Hz."""
+        """Everything slow, at 10 Hz."""
         now = self._now_s
         self._next["housekeeping"] = clock_s + _HOUSEKEEPING_S
         if clock_s >= self._next["heartbeat"]:
@@ -301,6 +304,17 @@ class FlightProcess:
             self._refuse(Reason.HEARTBEAT_LOST, f"the plant has been silent for {silent_s:.0f} s of wall time")
 
     # -- changes of authority -----------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Decide, unless nothing can have changed: in control, only time passes between two messages."""
+        now = self._now_s
+        if (
+            self._state is not _ENGAGED
+            or self._fault is not None
+            or now - self._pose_at_s > self._guards.pose_age_s
+            or now - self._heartbeat_at_s > self._guards.heartbeat_age_s
+        ):
+            self._decide()
 
     def _decide(self) -> None:
         """Ask the transition function, and enter the state it names."""

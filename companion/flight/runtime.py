@@ -12,7 +12,7 @@ from companion.flight.authority import Reason, State
 
 
 class Status(NamedTuple):
-    """What a person watching wants to know, 20 times a second."""
+    """What a person watching wants to know, ten times a second."""
 
     state: State
     mode: int
