@@ -46,7 +46,7 @@ def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path,
         )
         _position(panels[0], ticks, axis, hedged=hedged)
         panels[0].set_ylabel(f"position {letter} [m]")
-        panels[0].legend(loc="upper left", fontsize=9)
+        panels[0].legend(loc="best", fontsize=9)
         if with_velocity:
             panels[1].plot(t, ticks["ideal_velocity_m_s"][:, axis], color=_IDEAL, lw=1.4)
             if hedged:
@@ -87,8 +87,8 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
         above.set_ylabel("position x [m]")
         below.set_ylabel("tracking error [mm]")
         below.set_xlabel("time [s]")
-        above.legend(loc="upper left", fontsize=9)
-        below.margins(y=0.3)  # room for the legend
+        above.legend(loc="best", fontsize=9)
+        below.set_ylim(0.0, 1.3 * below.get_ylim()[1])  # room for the legend
         below.legend(loc="upper right", fontsize=9)
         above.set_title("Same slow attitude loop, same stairs: hedging tracks better")
         figure.tight_layout()
