@@ -68,32 +68,3 @@ class PoseSource:
     def fall_back(self) -> None:
         """Accept LOCAL_POSITION_NED with ATTITUDE_QUATERNION from now on, unless ODOMETRY comes after all."""
         self.message = "LOCAL_POSITION_NED"
-
-
-class RateMeter:
-    """Rate of the samples heard, by their own time stamps, once the vehicle has had time to obey the request."""
-
-    SETTLE_S = 0.3
-    MEASURE_S = 0.5
-
-    def __init__(self) -> None:
-        self._first_s: float | None = None
-        self._from_s = 0.0
-        self._count = 0
-        self.rate_hz = 0.0
-        self.done = False
-
-    def take(self, time_s: float) -> None:
-        """A sample's time. `rate_hz` and `done` follow; a window that ends too slow is followed by a new one."""
-        if self._first_s is None:
-            self._first_s = time_s
-        if time_s - self._first_s < self.SETTLE_S:
-            return
-        if self._count == 0:
-            self._from_s = time_s
-        self._count += 1
-        span = time_s - self._from_s
-        if span >= self.MEASURE_S:
-            self.rate_hz = (self._count - 1) / span
-            self.done = True
-            self._count = 0

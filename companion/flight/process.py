@@ -17,7 +17,8 @@ from companion.flight.authority import Known, Reason, State
 from companion.flight.engage import Engagement, Seen, plan
 from companion.flight.pilot import Pilot, record_standby
 from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
-from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource, RateMeter
+from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
+from companion.flight.preflight import Preflight
 from companion.flight.release import HandOver
 from companion.flight.runtime import Status, Summary, quiet_memory, stop_signals
 from companion.mavlink import px4
@@ -34,8 +35,6 @@ _HOUSEKEEPING_S = 0.1
 _HEARTBEAT_S = 1.0
 _CALL_S = 0.2  # between heartbeats until the vehicle has answered
 _OFFBOARD = int(Mode.OFFBOARD)
-_REQUEST_S = 1.0  # message intervals are asked for again this often until the odometry is fast enough
-_CHECK_S = 5.0  # how long the odometry may take to reach the floor
 _LOCKSTEP_SILENCE_S = 15.0
 
 
@@ -65,13 +64,13 @@ class FlightProcess:
         self._on_status = on_status
         self._say = say
         self._port = Port(config, link, recorder)
-        self._guards, self._floor_hz = guards.limits(config.guards), config.tick.floor_hz
+        self._guards = guards.limits(config.guards)
         self._pilot = Pilot(config, hedging=config.controller.hedging if hedging is None else hedging)
         ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._ids = ids
         self._engagement = Engagement(plan(*ids, can_fly=config.vehicle.kind == "quadrotor")) if engage else None
         self._pose = PoseSource()
-        self._meter = RateMeter()
+        self._preflight = Preflight(config, self._pose)
         self._state = _CONNECTING
         self._fault: Reason | None = None
         self._reason = Reason.OPERATOR
@@ -83,8 +82,8 @@ class FlightProcess:
         self._ground_z_m = 0.0
         self._ticks = 0
         self._now_s = time.monotonic() if not lockstep else 0.0
-        self._began_s = self._pose_at_s = self._heartbeat_at_s = self._now_s
-        self._next = {"housekeeping": 0.0, "heartbeat": 0.0, "request": 0.0}
+        self._pose_at_s = self._heartbeat_at_s = self._now_s
+        self._next = {"housekeeping": 0.0, "heartbeat": 0.0}
 
     def stop(self, reason: Reason = Reason.OPERATOR) -> None:
         """Ask for a release; safe from a signal handler."""
@@ -173,7 +172,8 @@ class FlightProcess:
             if engaged:
                 self._stop_for(Reason.CLOCK_JUMP)
                 return
-            self._meter, dt = RateMeter(), 0.0  # the autopilot's clock began anew, and so does its measurement
+            self._preflight.restart()
+            dt = 0.0
         elif dt <= 0.0 and last is not None:
             return  # a copy, or out of order: the newer one has been flown
         if self._lockstep:
@@ -187,7 +187,7 @@ class FlightProcess:
             self._fly(sample, dt)
             return
         if self._state is _CHECKING:
-            self._meter.take(sample.time_s)
+            self._preflight.take(sample.time_s)
         if self._state is _STANDBY or self._lockstep:
             self._stand_by(sample, dt)
 
@@ -235,8 +235,7 @@ class FlightProcess:
         fault = self._fault
         if fault is None and self._state in (_STANDBY, _ENGAGED):
             fault = guards.broken(self._guards, self._now_s - self._pose_at_s, self._now_s - self._heartbeat_at_s)
-        checked = self._meter.done and self._meter.rate_hz >= self._floor_hz
-        return Known(self._port.connected, checked, self._port.mode, self._port.armed, fault)
+        return Known(self._port.connected, self._preflight.passed, self._port.mode, self._port.armed, fault)
 
     def _housekeep(self, clock_s: float, wall_s: float) -> None:
         """Everything slow, at 10 Hz."""
@@ -258,30 +257,18 @@ class FlightProcess:
         elif self._state is _STANDBY and self._engagement is not None:
             self._engage()
         if self._on_status is not None:
-            rate = self._meter.rate_hz
+            rate = self._preflight.rate_hz
             self._on_status(
                 Status(self._state, self._port.mode, self._port.armed, self._pilot.elapsed_s, rate, self._pilot.error_m)
             )
         self._recorder.flush()
 
-    def _check(self, now: float) -> None:
-        """Ask for the rates, and judge what comes."""
-        if now - self._began_s > 0.3 * _CHECK_S and self._sample is None:
-            self._pose.fall_back()
-        if now >= self._next["request"]:
-            self._next["request"] = now + _REQUEST_S
-            rate = self._config.tick.rate_hz
-            wanted = [(CURRENT_MODE.message_id, 20.0), (ODOMETRY.message_id, rate)]
-            if self._pose.message != "ODOMETRY":
-                wanted[1:] = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
-            for message_id, rate_hz in wanted:
-                self._port.send(px4.message_interval(*self._ids, message_id, rate_hz), self._time_us())
-        if now - self._began_s > _CHECK_S:
-            self._refuse(
-                Reason.RATE_TOO_LOW,
-                f"{self._pose.message} arrives at {self._meter.rate_hz:.1f} Hz, tick.floor_hz is "
-                f"{self._config.tick.floor_hz:g}: raise the link's rate or lower tick.rate_hz and check again",
-            )
+    def _check(self, now_s: float) -> None:
+        for request in self._preflight.requests(now_s, heard=self._sample is not None):
+            self._port.send(request, self._time_us())
+        failed = self._preflight.failed(now_s)
+        if failed is not None:
+            self._refuse(Reason.RATE_TOO_LOW, failed)
 
     def _engage(self) -> None:
         sample = self._sample
@@ -322,7 +309,7 @@ class FlightProcess:
         if state is self._state:
             return
         if state is _CHECKING:
-            self._began_s = self._now_s
+            self._preflight.begin(self._now_s)
         elif state is _STANDBY and self._sample is not None:
             self._ground_z_m = self._sample.z_m
             self._pose.settle()
@@ -335,7 +322,8 @@ class FlightProcess:
         if reason is not None:
             self._reason = reason
             return
-        detail = f"{self._pose.message} at {self._meter.rate_hz:.0f} Hz" if self._meter.done else ""
+        rate = self._preflight.rate_hz
+        detail = f"{self._pose.message} at {rate:.0f} Hz" if rate else ""
         self._event(state.name.lower(), detail)
         self._say(f"{state.name.lower()} {detail}".strip())
 

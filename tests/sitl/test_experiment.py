@@ -111,7 +111,7 @@ def test_same_lockstep_flight_twice_gives_the_same_bytes(tmp_path: Path) -> None
 
 def test_realtime_option_flies_by_the_wall_clock(tmp_path: Path) -> None:
     report = finish(start(RIG, *SHORT, "--hedging", "--realtime", "--json", "--out", tmp_path / "a"), 0)
-    assert 0.7 < report["realtime_factor"] < 1.1
+    assert 0.5 < report["realtime_factor"] < 1.1
 
 
 def test_out_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:

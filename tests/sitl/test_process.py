@@ -148,7 +148,7 @@ def test_silent_odometry_ends_control_then_hold_then_silence(tmp_path: Path) -> 
         autopilot.pose = lambda _: []
         stopped_s = time.monotonic()
         assert "pose_stale" in until(process, "^released")
-        assert 0.2 < time.monotonic() - stopped_s < 1.2
+        assert 0.2 < time.monotonic() - stopped_s < 2.5
         assert process.wait(5.0) == 1
         last = [m.get_type() for m in autopilot.heard[-3:]]
         assert "SET_ATTITUDE_TARGET" not in last[-1:]

@@ -214,7 +214,7 @@ def test_stopped_process_trips_the_offboard_failsafe_by_silence_alone(tmp_path: 
     with engaged(tmp_path) as (run, station, _):
         run.send_signal(signal.SIGSTOP)
         waited = station.mode_becomes(HOLD, 4.0)
-        assert 0.9 < waited < 1.6
+        assert 0.9 < waited < 2.5
         run.send_signal(signal.SIGCONT)
         out, _ = run.communicate(timeout=10)
         assert "released: pose_stale" in out  # awake again it does not believe what queued up meanwhile
@@ -224,6 +224,6 @@ def test_killed_process_leaves_a_readable_log_and_trips_the_failsafe(tmp_path: P
     with engaged(tmp_path) as (run, station, folder):
         time.sleep(1.0)
         run.kill()
-        assert 0.9 < station.mode_becomes(HOLD, 4.0) < 1.6
+        assert 0.9 < station.mode_becomes(HOLD, 4.0) < 2.5
         time.sleep(0.5)
         assert len(read_flight(folder).ticks) > 100

@@ -1,0 +1,103 @@
+"""Before stand-by: ask the vehicle for its odometry at the wanted rate, measure what comes, and judge it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from companion.config.schema import Config
+from companion.flight.port import CURRENT_MODE
+from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
+from companion.mavlink import px4
+
+_ASK_AGAIN_S: Final = 1.0
+_FALL_BACK_S: Final = 1.5  # without any ODOMETRY
+_PATIENCE_S: Final = 5.0
+_MODE_HZ: Final = 20.0
+
+
+class Preflight:
+    """The check of one connection.
+
+    Attributes: `rate_hz` of the odometry as last measured.
+    """
+
+    def __init__(self, config: Config, pose: PoseSource) -> None:
+        self._tick = config.tick
+        self._ids = (config.vehicle.system_id, config.vehicle.component_id)
+        self._pose = pose
+        self._meter = RateMeter()
+        self._began_s = 0.0
+        self._ask_s = 0.0
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the odometry as last measured, Hz."""
+        return self._meter.rate_hz
+
+    @property
+    def passed(self) -> bool:
+        """Whether the odometry comes at `tick.floor_hz` or above."""
+        return self._meter.done and self._meter.rate_hz >= self._tick.floor_hz
+
+    def begin(self, now_s: float) -> None:
+        """The vehicle has been heard."""
+        self._began_s = self._ask_s = now_s
+
+    def restart(self) -> None:
+        """The vehicle's clock began anew: what was measured means nothing."""
+        self._meter = RateMeter()
+
+    def take(self, time_s: float) -> None:
+        """The time stamp of an odometry sample."""
+        self._meter.take(time_s)
+
+    def requests(self, now_s: float, *, heard: bool) -> list[Any]:
+        """Messages to send now. `heard`: whether any odometry has come."""
+        if not heard and now_s - self._began_s > _FALL_BACK_S:
+            self._pose.fall_back()
+        if now_s < self._ask_s:
+            return []
+        self._ask_s = now_s + _ASK_AGAIN_S
+        rate = self._tick.rate_hz
+        wanted = [(CURRENT_MODE.message_id, _MODE_HZ), (ODOMETRY.message_id, rate)]
+        if self._pose.message != "ODOMETRY":
+            wanted[1:] = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
+        return [px4.message_interval(*self._ids, message_id, rate_hz) for message_id, rate_hz in wanted]
+
+    def failed(self, now_s: float) -> str | None:
+        """Why the vehicle is refused, as one line, once patience has ended."""
+        if now_s - self._began_s <= _PATIENCE_S:
+            return None
+        return (
+            f"{self._pose.message} arrives at {self.rate_hz:.1f} Hz, tick.floor_hz is {self._tick.floor_hz:g}: "
+            "raise the link's rate or lower tick.rate_hz and check again"
+        )
+
+
+class RateMeter:
+    """Rate of the samples heard, by their own time stamps, once the vehicle has had time to obey the request."""
+
+    SETTLE_S = 0.3
+    MEASURE_S = 0.5
+
+    def __init__(self) -> None:
+        self._first_s: float | None = None
+        self._from_s = 0.0
+        self._count = 0
+        self.rate_hz = 0.0
+        self.done = False
+
+    def take(self, time_s: float) -> None:
+        """A sample's time. `rate_hz` and `done` follow; a window that ends too slow is followed by a new one."""
+        if self._first_s is None:
+            self._first_s = time_s
+        if time_s - self._first_s < self.SETTLE_S:
+            return
+        if self._count == 0:
+            self._from_s = time_s
+        self._count += 1
+        span = time_s - self._from_s
+        if span >= self.MEASURE_S:
+            self.rate_hz = (self._count - 1) / span
+            self.done = True
+            self._count = 0
