@@ -23,7 +23,7 @@ SENT: Final = 3
 EVENT: Final = 4
 RECORD_HEADER: Final = struct.Struct("<BIQ")  # kind, length, time in microseconds
 
-_FLUSH_BYTES = 16_384
+_FLUSH_BYTES = 65_536
 _KEEP_BYTES = 8_000_000
 _PIPE_BYTES = 1 << 20
 
