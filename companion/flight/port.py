@@ -14,7 +14,6 @@ from companion.record.recorder import RECEIVED, SENT, Recorder
 
 HEARTBEAT = Layout("HEARTBEAT")
 CURRENT_MODE = Layout("CURRENT_MODE")
-COMMAND_ACK = Layout("COMMAND_ACK")
 SET_ATTITUDE_TARGET = Layout("SET_ATTITUDE_TARGET")
 
 _BASE_MODE = HEARTBEAT.index("base_mode")

@@ -82,7 +82,8 @@ class FlightProcess:
         self._sample: Odometry | None = None
         self._ground_z_m = 0.0
         self._ticks = 0
-        self._now_s = time.monotonic() if not lockstep else 0.0
+        self._began_wall_s = time.monotonic()
+        self._now_s = 0.0 if lockstep else self._began_wall_s
         self._pose_at_s = self._heartbeat_at_s = self._now_s
         self._next = {"housekeeping": 0.0, "heartbeat": 0.0, "flush": 0.0}
 
@@ -95,7 +96,6 @@ class FlightProcess:
         if self._warning is not None:
             self._event("uncertified", self._warning)
         self._event(_CONNECTING.name.lower(), f"link, waiting for vehicle {self._ids[0]}/{self._ids[1]}")
-        self._began_wall_s = time.monotonic()
         with quiet_memory(), stop_signals(self.stop):
             try:
                 self._loop()

@@ -10,8 +10,6 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-AUTOPILOT_COMPONENT: Final = 1
-COMPANION_COMPONENT: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # 191
 ATTITUDE_TYPE_MASK: Final = 0x07  # ignore the body rates only; the throttle-ignore bit would mean zero thrust
 
 _MAIN_AUTO = 4
