@@ -18,8 +18,9 @@ from companion.certify.problem import (
 )
 from companion.certify.problem import interval as exact_interval
 from companion.config.attitude import ResponseSection
+from companion.config.controller import AxisSection, interval
 from companion.config.load import ConfigError
-from companion.config.schema import AxisSection, Config, interval
+from companion.config.schema import Config
 from companion.control.types import GRAVITY_M_S2
 
 

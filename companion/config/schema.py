@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from companion.config.attitude import AttitudeSection, EnvelopeSection
-from companion.config.base import Fraction, Id, NonNegative, Positive, Section, Vector
+from companion.config.attitude import AttitudeSection
+from companion.config.base import Id, Positive, Section
+from companion.config.controller import ControllerSection
+from companion.config.guards import Guards
+from companion.config.link import LinkSection, TickSection
+from companion.config.mission import MissionSection
 from companion.config.plant import Plant
 
 
@@ -20,143 +23,6 @@ class VehicleSection(Section):
     hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
     system_id: Id = 1
     component_id: Id = 1
-
-
-class LinkSection(Section):
-    """The way to the autopilot, and who we are on it."""
-
-    url: str
-    connect_timeout_s: Positive = 10.0
-    system_id: Id = 1
-    component_id: Id = 191
-
-
-class TickSection(Section):
-    """How often the loop runs: the rate asked of the autopilot, and the rate below which we do not fly."""
-
-    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)]
-    floor_hz: Positive
-
-    @model_validator(mode="after")
-    def _floor_below_rate(self) -> TickSection:
-        if self.floor_hz > self.rate_hz:
-            raise ValueError(f"floor_hz ({self.floor_hz:g}) must not be above rate_hz ({self.rate_hz:g})")
-        return self
-
-
-class AdaptationRates(Section):
-    """γ of (22), which the two controllers may not share: γ_H and γ_M of the paper."""
-
-    hedged: NonNegative
-    standard: NonNegative
-
-
-Bound = Positive | tuple[float, float]
-
-
-class AxisSection(Section):
-    """Reference model, adaptation and projection of one horizontal axis."""
-
-    natural_frequency_rad_s: Positive
-    damping_ratio: Positive
-    position_weight_bound: Bound
-    velocity_weight_bound: Bound
-    adaptation_rate: AdaptationRates
-    lyapunov_q: tuple[Positive, Positive] = (1.0, 1.0)
-
-    @model_validator(mode="after")
-    def _bounds_in_order(self) -> AxisSection:
-        for name in ("position_weight_bound", "velocity_weight_bound"):
-            lower, upper = interval(getattr(self, name))
-            if lower >= upper:
-                raise ValueError(f"{name}: the lower bound ({lower:g}) must be below the upper one ({upper:g})")
-        return self
-
-
-def interval(bound: Bound) -> tuple[float, float]:
-    """A bound as (lower, upper): one number means plus and minus it."""
-    return bound if isinstance(bound, tuple) else (-bound, bound)
-
-
-class Axes(Section):
-    """x is pitch, y is roll; a rig has x alone."""
-
-    x: AxisSection
-    y: AxisSection | None = None
-
-
-class AltitudeSection(Section):
-    """Gains of (4), over the mass."""
-
-    position_gain_1_s: NonNegative
-    velocity_gain_1_s: NonNegative
-    integral_gain_1_s2: NonNegative
-    derivative_gain: NonNegative = 0.0
-    filter_bandwidth_rad_s: Positive = 30.0
-    integral_limit_m_s2: NonNegative = 3.0
-    velocity_limit_m_s: Positive = 1.0
-
-
-class Limits(Section):
-    """What the controller never asks for."""
-
-    tilt_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
-    thrust_min: Annotated[Fraction, Field(gt=0.0)] = 0.05
-    thrust_max: Fraction = 0.95
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Limits:
-        if self.thrust_min >= self.thrust_max:
-            raise ValueError("thrust_min must be below thrust_max")
-        return self
-
-
-class ControllerSection(Section):
-    """The position controller."""
-
-    hedging: bool = True
-    initial_weights: Literal["zero", "nominal"] = "nominal"
-    axes: Axes
-    envelope: EnvelopeSection
-    altitude: AltitudeSection | None = None
-    limits: Limits = Limits()
-
-
-class Waypoint(Section):
-    """From a time on, a position relative to where control began (north, east, down)."""
-
-    at_s: NonNegative
-    offset_ned_m: Vector
-
-
-class MissionSection(Section):
-    """What to fly after engagement. Without waypoints the vehicle holds its position until it is released."""
-
-    duration_s: Positive | None = None
-    waypoints: tuple[Waypoint, ...] = ()
-
-    @model_validator(mode="after")
-    def _in_order(self) -> MissionSection:
-        times = [waypoint.at_s for waypoint in self.waypoints]
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            raise ValueError("waypoints must come in order of at_s, no two at the same time")
-        if times and self.duration_s is not None and times[-1] >= self.duration_s:
-            raise ValueError("the last waypoint lies at or after duration_s")
-        return self
-
-
-class GuardSection(Section):
-    """One failsafe: on or off, and the limit past which control ends."""
-
-    enabled: bool = True
-    limit: Positive
-
-
-class Guards(Section):
-    """Every failsafe, with the unit of its limit in its name."""
-
-    pose_age_s: GuardSection = GuardSection(limit=0.25)
-    heartbeat_age_s: GuardSection = GuardSection(limit=3.0)
 
 
 class PaperMetrics(Section):

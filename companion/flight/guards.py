@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.config.schema import Guards
+from companion.config.guards import Guards
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.authority import Reason
 

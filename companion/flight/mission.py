@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from companion.config.schema import MissionSection
+from companion.config.mission import MissionSection
 from companion.control.types import Command
 
 

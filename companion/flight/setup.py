@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from companion.config.schema import AxisSection, Config, interval
+from companion.config import Config
+from companion.config.controller import AxisSection, interval
 from companion.control.altitude import AltitudeParams
 from companion.control.mrac import AxisParams, nominal_weights, solve_lyapunov
 from companion.control.position import PositionParams

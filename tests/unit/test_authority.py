@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from companion.config.schema import Guards, GuardSection
+from companion.config.guards import Guards, GuardSection
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight import guards
 from companion.flight.authority import MEANING, TAKEN, Known, Reason, State, advance

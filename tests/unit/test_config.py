@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from companion.config import Config, ConfigError, load_config, parse_override
-from companion.config.schema import interval
+from companion.config.controller import interval
 from companion.record.folder import new_folder, open_folder
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
