@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from companion.config.base import Id, Positive, Section
 
 
 class LinkSection(Section):
-    """The way to the autopilot, and who we are on it."""
+    """The way to the autopilot, who we are on it, and the key that proves it."""
 
     url: str
     connect_timeout_s: Positive = 10.0
     system_id: Id = 1
     component_id: Id = 191
+    signing_key_file: Path | None = None  # 32 bytes, or 64 hexadecimal digits; a relative path starts at the config
+
+    @field_validator("signing_key_file")
+    @classmethod
+    def _beside_the_config(cls, path: Path | None, info: ValidationInfo) -> Path | None:
+        folder = (info.context or {}).get("folder", Path())
+        return None if path is None else Path(folder / path.expanduser()).absolute()
 
 
 class TickSection(Section):

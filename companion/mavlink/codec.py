@@ -20,6 +20,7 @@ CRC_BYTES: Final = 2
 SIGNATURE_BYTES: Final = 13
 INCOMPAT_SIGNED: Final = 0x01
 MAX_FRAME_BYTES: Final = HEADER_BYTES + 255 + CRC_BYTES + SIGNATURE_BYTES
+MOST_REJECTED: Final = 128  # false beginnings looked at in one read: rubbish may cost no more than frames do
 
 _new = tuple.__new__  # what a NamedTuple's own constructor calls, without the call in between
 _MAGIC = b"\xfd"
@@ -64,6 +65,7 @@ class FrameParser:
             self._rest = b""
         frames: list[Frame] = []
         position, total = 0, len(data)
+        left = MOST_REJECTED
         while position < total:
             if data[position] != MAGIC_V2:
                 found = data.find(_MAGIC, position)
@@ -82,25 +84,26 @@ class FrameParser:
             extra = _CRC_EXTRA.get(message_id)
             if extra is None or incompat & ~INCOMPAT_SIGNED:
                 self.unknown += 1
-                self.dropped_bytes += 1
-                position += 1
-                continue
-            crc_at = position + HEADER_BYTES + length
-            end = crc_at + CRC_BYTES + (SIGNATURE_BYTES if incompat else 0)
-            if end > total:
-                if self.stream:
-                    break
-                self.dropped_bytes += 1  # a datagram ends here: not a frame, so look behind its first byte
-                position += 1
-                continue
-            if mcrf4xx(data[position + 1 : crc_at] + extra) != data[crc_at] | data[crc_at + 1] << 8:
-                self.bad_crc += 1
-                self.dropped_bytes += 1
-                position += 1
-                continue
-            payload = data[position + HEADER_BYTES : crc_at]
-            frames.append(_new(Frame, (message_id, system, component, sequence, payload, data[position:end])))
-            position = end
+            else:
+                crc_at = position + HEADER_BYTES + length
+                end = crc_at + CRC_BYTES + (SIGNATURE_BYTES if incompat else 0)
+                if end > total:
+                    if self.stream:
+                        break
+                    # a datagram ends here: not a frame, so look behind its first byte
+                elif mcrf4xx(data[position + 1 : crc_at] + extra) != data[crc_at] | data[crc_at + 1] << 8:
+                    self.bad_crc += 1
+                else:
+                    payload = data[position + HEADER_BYTES : crc_at]
+                    frames.append(_new(Frame, (message_id, system, component, sequence, payload, data[position:end])))
+                    position = end
+                    continue
+            self.dropped_bytes += 1
+            position += 1
+            left -= 1
+            if not left:
+                self.dropped_bytes += total - position
+                return self._counted(frames)
         self._rest = data[position:]
         return self._counted(frames)
 
@@ -146,11 +149,19 @@ class Layout:
     def only(self, *fields: str) -> struct.Struct:
         """A decoder of these fields alone, in wire order; what lies between is skipped without making a number of it.
 
-        Use it as ``only(...).unpack_from(payload)`` on a payload of full length (see `full`).
+        An array's element is named as ``pose_covariance[6]``. Use it as ``only(...).unpack_from(payload)`` on a
+        payload of full length (see `full`).
         """
         text = "<"
         for field, part in zip(self.fields, self._parts, strict=True):
-            text += part if field in fields else f"{struct.calcsize('<' + part)}x"
+            if field in fields:
+                text += part
+            elif not any(name.startswith(f"{field}[") for name in fields):
+                text += f"{struct.calcsize('<' + part)}x"
+            else:
+                one = part[-1]
+                skip = f"{struct.calcsize('<' + one)}x"
+                text += "".join(one if f"{field}[{i}]" in fields else skip for i in range(int(part[:-1])))
         return struct.Struct(text)
 
     def full(self, payload: bytes) -> bytes:
@@ -178,10 +189,14 @@ _BY_NAME: dict[str, Any] = {message.msgname: message for message in _MESSAGES.va
 
 
 class Encoder:
-    """Writes one message from one sender; byte for byte what pymavlink packs, at a fifth of the time."""
+    """Writes one message from one sender; byte for byte what pymavlink packs, at a fifth of the time.
 
-    def __init__(self, layout: Layout, system_id: int, component_id: int) -> None:
+    `signed`: the header says that a signature follows; putting it there is `companion.mavlink.signing`'s.
+    """
+
+    def __init__(self, layout: Layout, system_id: int, component_id: int, *, signed: bool = False) -> None:
         self._pack = layout.pack
+        self._flags = INCOMPAT_SIGNED if signed else 0
         self._extra = bytes([layout.crc_extra])
         self._system = system_id
         self._component = component_id
@@ -191,9 +206,16 @@ class Encoder:
     def encode(self, sequence: int, *wire_values: float) -> bytes:
         """One frame from values in wire order, arrays flattened. `sequence` counts modulo 256."""
         payload = self._pack(*wire_values).rstrip(b"\0") or b"\0"
-        body = _HEADER.pack(len(payload), 0, 0, sequence & 255, self._system, self._component, self._low, self._high)
+        body = _HEADER.pack(
+            len(payload), self._flags, 0, sequence & 255, self._system, self._component, self._low, self._high
+        )
         body += payload
         return _MAGIC + body + mcrf4xx(body + self._extra).to_bytes(2, "little")
+
+
+def crc_extra(message_id: int) -> bytes:
+    """The byte that stands for a message's layout in its CRC. Raises `KeyError` for a message the dialect has not."""
+    return _CRC_EXTRA[message_id]
 
 
 def decode_cold(frame: Frame) -> Any:

@@ -21,6 +21,7 @@ from typing import Protocol
 import serial
 
 _DATAGRAM_BYTES = 2048
+_MOST_QUEUED = 4096  # datagrams that a socket can hold at its largest
 _QUEUED_BYTES = 280  # on a serial line: one frame
 _PASSING = (
     errno.ENOBUFS,
@@ -63,6 +64,7 @@ class UdpLink:
     def __init__(self, name: str, timeout_s: float, *, bind: tuple[str, int] | None, peer: tuple[str, int] | None):
         self.name = name
         self._sender: tuple[str, int] | None = None
+        self._queued: list[bytes] = []  # by the peer, when it was locked
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             # No SO_REUSEADDR: with it a second listener would silently steal every datagram.
@@ -82,6 +84,8 @@ class UdpLink:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
 
     def receive(self) -> bytes:
+        if self._queued:
+            return self._queued.pop(0)
         try:
             if self._locked:
                 return self._socket.recv(_DATAGRAM_BYTES)
@@ -107,9 +111,16 @@ class UdpLink:
                 raise LinkError(f"link {self.name}: {error.strerror}") from None
 
     def lock(self) -> None:
-        if not self._locked and self._sender is not None:
-            self._socket.connect(self._sender)
-            self._locked = True
+        peer = self._sender
+        if self._locked or peer is None:
+            return
+        self._socket.connect(peer)
+        self._locked = True
+        with contextlib.suppress(OSError):  # the kernel sorts what comes from now on, not what is queued already
+            for _ in range(_MOST_QUEUED):
+                data, sender = self._socket.recvfrom(_DATAGRAM_BYTES, socket.MSG_DONTWAIT)
+                if sender == peer:
+                    self._queued.append(data)
 
     def close(self) -> None:
         self._socket.close()

@@ -33,6 +33,11 @@ class Mode(IntEnum):
     TERMINATION = 10 << 16
 
 
+def mode_name(custom_mode: int) -> str:
+    """A mode as PX4's users know it; its number where it has no name here."""
+    return Mode(custom_mode).name if custom_mode in set(Mode) else f"mode {custom_mode:#x}"
+
+
 class Result(IntEnum):
     """MAV_RESULT of COMMAND_ACK."""
 

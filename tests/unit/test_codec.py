@@ -17,6 +17,7 @@ from companion.mavlink.codec import (
     CRC_BYTES,
     HEADER_BYTES,
     MAX_FRAME_BYTES,
+    MOST_REJECTED,
     Encoder,
     Frame,
     FrameParser,
@@ -77,10 +78,11 @@ FRAMES = {
 each_frame = pytest.mark.parametrize("frame", FRAMES.values(), ids=FRAMES)
 streams_and_datagrams = pytest.mark.parametrize("stream", [False, True], ids=["datagrams", "stream"])
 
-# Bytes that are no frame: anything; anything rich in the magic; a real frame's beginning.
+# Bytes that are no frame: anything; anything rich in the magic; a real frame's beginning. Little enough of it that what
+# the tests below put together stays below `MOST_REJECTED`.
 garbage = st.one_of(
-    st.binary(max_size=60),
-    st.lists(st.sampled_from([0xFD, 0x00, 0x09, 0x53, 0xFF]), max_size=60).map(bytes),
+    st.binary(max_size=14),
+    st.lists(st.sampled_from([0xFD, 0x00, 0x09, 0x53, 0xFF]), max_size=14).map(bytes),
     st.builds(
         lambda frame, length: frame[: min(length, len(frame) - 1)],
         st.sampled_from(list(FRAMES.values())),
@@ -228,6 +230,35 @@ def test_noise_is_no_frame_and_raises_nothing(chunks: list[bytes], stream: bool)
         assert parser.dropped_bytes == sum(map(len, chunks))
 
 
+# Each byte or every few of them may begin a frame: by its header alone, by a length beyond the datagram, by its CRC.
+CRAFTED = {
+    "unknown": b"\xfd" * 2048,
+    "too long": b"".join(b"\xfd\xff\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00" for _ in range(21)),
+    "bad CRC": (b"\xfd\xff\x01\x01\x00" * 410)[:2048],
+}
+
+
+@streams_and_datagrams
+@pytest.mark.parametrize("data", CRAFTED.values(), ids=CRAFTED)
+def test_crafted_bytes_are_given_up_after_a_bounded_number_of_looks(data: bytes, stream: bool) -> None:
+    parser = FrameParser(stream=stream)
+    for _ in range(10):
+        before = parser.unknown + parser.bad_crc
+        assert parser.feed(data) == []
+        assert parser.unknown + parser.bad_crc - before <= MOST_REJECTED
+    assert [frame.raw for frame in parser.feed(bytes(MAX_FRAME_BYTES) + heartbeat())] == [heartbeat()]
+
+
+@streams_and_datagrams
+def test_frames_before_the_crafted_bytes_of_a_read_are_kept_and_those_behind_them_lost(stream: bool) -> None:
+    parser = FrameParser(stream=stream)
+    frames = parser.feed(heartbeat(1) + b"\xfd" * MOST_REJECTED + heartbeat(2))
+    assert [frame.raw for frame in frames] == [heartbeat(1)]
+    assert parser.dropped_bytes == MOST_REJECTED + len(heartbeat(2))
+    frames = parser.feed(heartbeat(3) + b"\xfd" * (MOST_REJECTED - 12) + b"\xff" * 12 + heartbeat(4))
+    assert [frame.raw for frame in frames] == [heartbeat(3), heartbeat(4)]
+
+
 # --- layouts --------------------------------------------------------------------------------------------------------
 
 
@@ -356,6 +387,14 @@ def test_odometry_is_packed_as_pymavlink_does(values: dict[str, Any], sequence: 
 @given(HEARTBEAT_VALUES, st.integers(0, 1000), ids)
 def test_heartbeat_is_packed_as_pymavlink_does(values: dict[str, Any], sequence: int, ids: tuple[int, int]) -> None:
     assert_packed_alike("HEARTBEAT", values, sequence, ids)
+
+
+def test_a_signed_header_is_the_only_difference() -> None:
+    layout = Layout("HEARTBEAT")
+    plain, signed = (Encoder(layout, *SENDER, signed=flag).encode(7, 0, 18, 8, 0, 4, 3) for flag in (False, True))
+    assert (plain[2], signed[2]) == (0, 1)
+    assert signed[3:-CRC_BYTES] == plain[3:-CRC_BYTES]
+    assert signed[-CRC_BYTES:] != plain[-CRC_BYTES:]
 
 
 def test_trailing_zeros_are_cut_down_to_one_byte() -> None:

@@ -109,6 +109,22 @@ def test_udpin_hears_and_answers_the_locked_peer_alone(
     assert link.receive() == b"still you"
 
 
+def test_what_a_stranger_had_queued_before_the_lock_is_not_heard_after_it(
+    listening: tuple[Link, int], vehicle: Peer, stranger: Peer
+) -> None:
+    """The kernel sorts datagrams when they arrive, so connecting a socket does not empty its queue."""
+    link, port = listening
+    vehicle.send(b"heartbeat", port)
+    for n in range(5):
+        stranger.send(b"forged %d" % n, port)
+        vehicle.send(b"odometry %d" % n, port)
+    assert link.receive() == b"heartbeat"
+    link.lock()
+    vehicle.send(b"last", port)
+    heard = [link.receive() for _ in range(6)]
+    assert heard == [*(b"odometry %d" % n for n in range(5)), b"last"]
+
+
 def test_a_lock_before_anybody_was_heard_changes_nothing(listening: tuple[Link, int], vehicle: Peer) -> None:
     link, port = listening
     link.lock()

@@ -1,0 +1,27 @@
+"""The `service` and `steering` sections: what is asked of the operating system, and who may move the set-point live."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from companion.config.base import Id, Priority, Section
+
+
+class ServiceSection(Section):
+    """What is asked of the operating system. What it does not permit is reported, and flown without."""
+
+    realtime_priority: Priority = 0  # of SCHED_FIFO; 0: not asked
+    lock_memory: bool = False  # no page of ours is ever waited for
+
+
+class SteeringSection(Section):
+    """Who may move the set-point by SET_POSITION_TARGET_LOCAL_NED, addressed to the companion's own component."""
+
+    enabled: bool = False
+    system_ids: tuple[Id, ...] = ()
+
+    @model_validator(mode="after")
+    def _somebody(self) -> SteeringSection:
+        if self.enabled and not self.system_ids:
+            raise ValueError("give system_ids: the MAVLink systems that may steer")
+        return self

@@ -1,0 +1,99 @@
+"""Live commands: SET_POSITION_TARGET_LOCAL_NED from those who may steer, taken as a set-point or refused with a reason.
+
+Only position and, if wanted, yaw are taken; whatever else a client asks for is refused and not guessed at.
+
+Source: https://mavlink.io/en/messages/common.html#SET_POSITION_TARGET_LOCAL_NED and #POSITION_TARGET_TYPEMASK.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.config.guards import FenceSection
+from companion.control.types import Command
+from companion.mavlink.codec import Frame, Layout
+
+SET_POSITION_TARGET: Final = Layout("SET_POSITION_TARGET_LOCAL_NED")
+
+_SYSTEM: Final = SET_POSITION_TARGET.index("target_system")
+_COMPONENT: Final = SET_POSITION_TARGET.index("target_component")
+_FRAME: Final = SET_POSITION_TARGET.index("coordinate_frame")
+_MASK: Final = SET_POSITION_TARGET.index("type_mask")
+_X: Final = SET_POSITION_TARGET.index("x")
+_YAW: Final = SET_POSITION_TARGET.index("yaw")
+
+_IGNORE_POSITION: Final = 0x007
+_IGNORE_VELOCITY: Final = 0x038
+_IGNORE_ACCELERATION: Final = 0x1C0
+_FORCE: Final = 0x200  # says what acceleration means, which is ignored
+_IGNORE_YAW: Final = 0x400
+_IGNORE_YAW_RATE: Final = 0x800
+_KNOWN: Final = 0xFFF  # above it some autopilots have bits for take-off, landing and the like
+
+
+def addressed_to(frame: Frame, own: tuple[int, int]) -> bool:
+    """Whether a frame is a set-point for exactly this system and component; one for everybody is not."""
+    if frame.message_id != SET_POSITION_TARGET.message_id:
+        return False
+    values = SET_POSITION_TARGET.unpack(frame.payload)
+    return (values[_SYSTEM], values[_COMPONENT]) == own
+
+
+def parse(frame: Frame, own: tuple[int, int]) -> Command | str:
+    """Where a frame tells us to go in local NED, yaw NaN to keep it; or why it is refused, in at most 32 characters."""
+    if not addressed_to(frame, own):
+        return "not addressed to the companion"
+    values = SET_POSITION_TARGET.unpack(frame.payload)
+    mask, yaw = values[_MASK], values[_YAW]
+    x, y, z = values[_X : _X + 3]
+    refusals = (
+        (values[_FRAME] != mavlink.MAV_FRAME_LOCAL_NED, f"frame {values[_FRAME]} is not LOCAL_NED"),
+        (mask & ~_KNOWN, "unknown bits in type_mask"),
+        (mask & _IGNORE_POSITION, "x, y and z must be given"),
+        (~mask & _IGNORE_VELOCITY, "velocity must be ignored"),
+        (~mask & _IGNORE_ACCELERATION, "acceleration must be ignored"),
+        (~mask & _IGNORE_YAW_RATE, "yaw rate must be ignored"),
+        (not math.isfinite(x + y + z), "position is not finite"),
+        (not (mask & _IGNORE_YAW or math.isfinite(yaw)), "yaw is not finite"),
+    )
+    for refused, text in refusals:
+        if refused:
+            return text
+    return Command(x, y, z, math.nan if mask & _IGNORE_YAW else math.remainder(yaw, math.tau))
+
+
+def outside(command: Command, fence: FenceSection, origin: Command) -> str | None:
+    """Why a command lies outside the fence around `origin`, where control began, in at most 32 characters; or None."""
+    if not fence.enabled:
+        return None
+    offset = (command.x_m - origin.x_m, command.y_m - origin.y_m, command.z_m - origin.z_m)
+    distance = math.hypot(offset[0], offset[1])
+    if fence.radius_m is not None and not distance <= fence.radius_m:
+        return f"{distance:.3g} m away, fence {fence.radius_m:.3g} m"
+    for axis, at in enumerate(offset):
+        lower = -math.inf if fence.lower_ned_m is None else fence.lower_ned_m[axis]
+        upper = math.inf if fence.upper_ned_m is None else fence.upper_ned_m[axis]
+        if not lower <= at <= upper:
+            limit = lower if at < lower else upper
+            return f"{at:.3g} m {('north', 'east', 'down')[axis]}, fence {limit:.3g} m"
+    return None
+
+
+class Refusals:
+    """Which refusals to tell: a client that repeats itself at 50 Hz is answered once a second."""
+
+    def __init__(self, every_s: float = 1.0) -> None:
+        self.count = 0
+        self._every_s = every_s
+        self._told_s = -math.inf
+
+    def tell(self, now_s: float) -> bool:
+        """Count a refusal; True where it is to be told."""
+        self.count += 1
+        if now_s - self._told_s < self._every_s:
+            return False
+        self._told_s = now_s
+        return True

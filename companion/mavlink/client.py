@@ -1,0 +1,132 @@
+"""A tool's side of the link: the configured vehicle's frames in, questions out.
+
+The link is opened as `companion run` opens it; where that is running already and has it, its door is used instead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.config import Config
+from companion.mavlink.codec import Frame, FrameParser, Layout
+from companion.mavlink.guest import GuestLink, doors_of
+from companion.mavlink.link import Link, LinkError, open_link
+from companion.mavlink.signing import Signing, read_key
+
+HEARTBEAT: Final = Layout("HEARTBEAT")
+COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one
+
+_TIMEOUT_S: Final = 0.02
+_HELLO_S: Final = 0.5
+_NICE: Final = 10
+_DOOR: Final = "unix://"
+
+
+def open_shared(url: str) -> Link:
+    """The link; or, where a process has it already, its door. Raises `LinkError`.
+
+    The door comes first: a second socket could be opened beside a `udpout` link, and would never hear a word.
+    """
+    if url.startswith(_DOOR):
+        return GuestLink(Path(url.removeprefix(_DOOR)), _TIMEOUT_S)
+    for door in doors_of(url):
+        with contextlib.suppress(LinkError):  # none there, or left behind by a process that is no more
+            return GuestLink(door, _TIMEOUT_S)
+    return open_link(url, _TIMEOUT_S)
+
+
+class Client:
+    """The vehicle of a config, seen by a tool that flies nothing.
+
+    Attributes: `shared` whether `companion run` has the link and lets us through; `heard` frames of the vehicle by
+    message id; `heartbeat` the vehicle's last; `armed` as it told.
+    """
+
+    def __init__(self, config: Config, url: str | None = None) -> None:
+        self._config = config.link
+        self._vehicle = (config.vehicle.system_id, config.vehicle.component_id)
+        self._link = open_shared(url or config.link.url)
+        self.name = self._link.name
+        self.shared = isinstance(self._link, GuestLink)
+        key_file = config.link.signing_key_file
+        # Behind a door the flying process verifies what comes and signs what goes.
+        self._signing = None if key_file is None or self.shared else Signing(read_key(key_file))
+        self._parser = FrameParser(stream=self._link.stream)
+        self._pymavlink = mavlink.MAVLink(None, srcSystem=config.link.system_id, srcComponent=COMPONENT_ID)
+        self._hello_s = 0.0
+        self.heard: Counter[int] = Counter()
+        self.heartbeat: Frame | None = None
+        self.armed = False
+
+    @property
+    def vehicle(self) -> tuple[int, int]:
+        """System and component id of the autopilot."""
+        return self._vehicle
+
+    @property
+    def ids(self) -> tuple[int, int]:
+        """System and component id of this tool."""
+        return self._config.system_id, COMPONENT_ID
+
+    def frames(self) -> list[Frame]:
+        """The vehicle's frames among the next bytes of the link; none when its timeout passed. Raises `LinkError`."""
+        if not self.heard and time.monotonic() - self._hello_s > _HELLO_S:
+            self._hello()
+        frames = [
+            frame
+            for frame in self._parser.feed(self._link.receive())
+            if (frame.system_id, frame.component_id) == self._vehicle
+            and (self._signing is None or self._signing.verify(frame))
+        ]
+        for frame in frames:
+            if frame.message_id == HEARTBEAT.message_id:
+                if self.heartbeat is None:
+                    self._link.lock()
+                    self._hello()
+                self.heartbeat = frame
+                base_mode = HEARTBEAT.unpack(frame.payload)[HEARTBEAT.index("base_mode")]
+                self.armed = bool(base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self.heard[frame.message_id] += 1
+        return frames
+
+    def send(self, message: Any) -> None:
+        """Send a pymavlink message."""
+        frame = bytes(message.pack(self._pymavlink))
+        self._pymavlink.seq = self._pymavlink.seq + 1 & 255
+        self.forward(frame)
+
+    def forward(self, frame: bytes) -> None:
+        """Send a whole frame as it is, but for its signature."""
+        self._link.send(frame if self._signing is None else self._signing.sign(frame))
+
+    def give_way(self) -> None:
+        """Beside a flight the processor is the flight's first."""
+        if self.shared:
+            os.nice(_NICE)
+
+    def connect(self) -> None:
+        """Wait for the vehicle's heartbeat. Raises `LinkError` when none comes in `link.connect_timeout_s`."""
+        until_s = time.monotonic() + self._config.connect_timeout_s
+        while self.heartbeat is None:
+            self.frames()
+            if time.monotonic() > until_s:
+                raise LinkError(
+                    f"{self.name}: no heartbeat of vehicle {self._vehicle[0]}/{self._vehicle[1]} within "
+                    f"{self._config.connect_timeout_s:g} s: check the link and vehicle.system_id"
+                )
+
+    def _hello(self) -> None:
+        """PX4 streams to whoever has talked to it. By a ping and not a heartbeat, which it would miss afterwards."""
+        self._hello_s = time.monotonic()
+        self.send(mavlink.MAVLink_ping_message(time.time_ns() // 1000, 0, 0, 0))
+
+    def close(self) -> None:
+        """Release the link."""
+        self._link.close()

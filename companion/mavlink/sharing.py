@@ -1,0 +1,187 @@
+"""One link for two processes: a door through which a tool talks to the vehicle while `companion run` flies it.
+
+PX4 locks on to the first sender's port and a tty has one owner, so the flying process keeps the link. It hands what is
+not hot to whoever knocks at a Unix socket, and sends on what that guest asks. So mavsdk, with threads and native code
+of its own, stays out of the process that flies: it cannot delay a tick, and when it dies nothing falls.
+
+What passes outward are questions only. A guest cannot arm, change a mode or a parameter, send a set-point or a
+heartbeat, nor ask for the list of all parameters, which is a burst of a thousand frames. What he asks of the logs is
+asked in small bursts, one after the other, that the loop does not feel.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout, decode_cold
+from companion.mavlink.link import LinkError
+from companion.mavlink.log_protocol import BESIDE_A_FLIGHT, DATA_BYTES
+
+# What is not hot: what a tool may want to know, and nothing that comes at the loop's rate.
+COLD: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_LOG_ENTRY,
+        mavlink.MAVLINK_MSG_ID_LOG_DATA,
+        mavlink.MAVLINK_MSG_ID_PING,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+    }
+)
+_QUESTIONS: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_PING,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END,
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+    }
+)
+_ASKING_COMMANDS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+    }
+)
+_REQUEST_DATA: Final = Layout("LOG_REQUEST_DATA")
+_OFFSET: Final = _REQUEST_DATA.index("ofs")
+_COUNT: Final = _REQUEST_DATA.index("count")
+_LAST_OFFSET: Final = 0xFFFFFFFF - 0xFFFF  # of a log that a request can reach
+_DATAGRAM_BYTES: Final = 2048
+_GONE_S: Final = 2.0
+
+
+def question(frame: Frame) -> bool:
+    """Whether a frame only asks, so that a guest may send it."""
+    if frame.message_id not in _QUESTIONS:
+        return False
+    if frame.message_id in (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT):
+        return decode_cold(frame).command in _ASKING_COMMANDS
+    return True
+
+
+class _LogRequest(NamedTuple):
+    """What is still to be asked of a log for a guest."""
+
+    system_id: int
+    component_id: int
+    sequence: int
+    values: tuple[int, ...]  # of LOG_REQUEST_DATA, in wire order
+
+    @classmethod
+    def of(cls, frame: Frame) -> _LogRequest:
+        return cls(frame.system_id, frame.component_id, frame.sequence, _REQUEST_DATA.unpack(frame.payload))
+
+    def split(self) -> tuple[bytes, _LogRequest | None]:
+        """The frame that asks for the first small burst, and what is left."""
+        offset, count = self.values[_OFFSET], self.values[_COUNT]
+        piece = min(count, BESIDE_A_FLIGHT.burst_frames * DATA_BYTES)
+
+        def values(begin: int, length: int) -> tuple[int, ...]:
+            changed = {_OFFSET: begin, _COUNT: length}
+            return tuple(changed.get(index, value) for index, value in enumerate(self.values))
+
+        encoder = Encoder(_REQUEST_DATA, self.system_id, self.component_id)
+        frame = encoder.encode(self.sequence, *values(offset, piece))
+        left = values(offset + piece, count - piece)
+        end = count == piece or offset + piece > _LAST_OFFSET
+        return frame, None if end else self._replace(sequence=self.sequence + 1 & 255, values=left)
+
+
+class Door:
+    """The flying process's side. Attributes: `attached` whether a guest is there; `refused` frames of his.
+
+    Raises `LinkError` with one line where it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.attached = False
+        self.refused = 0
+        self._guest: str | bytes = ""
+        self._heard_s = self._log_s = 0.0
+        self._log: _LogRequest | None = None
+        self._parser = FrameParser()
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        try:
+            path.parent.mkdir(mode=0o700, exist_ok=True)
+            owner = path.parent.stat()
+            if owner.st_uid != os.getuid() or owner.st_mode & stat.S_IWOTH:
+                raise PermissionError(0, f"{path.parent} belongs to somebody else")
+            path.unlink(missing_ok=True)  # who owns the link owns its door: what lies there was left behind
+            self._socket.bind(str(path))
+            path.chmod(0o600)
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(f"{path}: cannot open the door for tools: {error.strerror or error}") from None
+
+    def offer(self, frames: Iterable[Frame]) -> None:
+        """Hand the guest what is not hot of the vehicle's frames; what he does not take is lost."""
+        for frame in frames:
+            if frame.message_id in COLD:
+                try:
+                    self._socket.sendto(frame.raw, self._guest)
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    self.attached = False
+
+    def asked(self, now_s: float) -> bytes:
+        """The next frame to be sent for the guest, empty for none. Never waits; call it after the set-point is out."""
+        return self._burst(now_s) or self._question(now_s)
+
+    def _burst(self, now_s: float) -> bytes:
+        if self._log is None or now_s - self._log_s < BESIDE_A_FLIGHT.interval_s:
+            return b""
+        self._log_s = now_s
+        frame, self._log = self._log.split()
+        return frame
+
+    def _question(self, now_s: float) -> bytes:
+        try:
+            data, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
+        except OSError:
+            self.attached = self.attached and now_s - self._heard_s < _GONE_S
+            return b""
+        if sender != self._guest and self.attached and now_s - self._heard_s < _GONE_S:
+            self.refused += 1
+            return b""  # one guest at a time
+        self._guest, self.attached, self._heard_s = sender, bool(sender), now_s
+        frames = self._parser.feed(data)
+        if not frames:
+            return b""
+        if len(frames) > 1 or not question(frames[0]):
+            self.refused += 1
+            return b""
+        number = frames[0].message_id
+        if number == _REQUEST_DATA.message_id:
+            self._log = _LogRequest.of(frames[0])
+            return self._burst(now_s)
+        if number == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END:
+            self._log = None
+        return frames[0].raw
+
+    def close(self) -> None:
+        """Close it and take it away."""
+        self._socket.close()
+        self.path.unlink(missing_ok=True)

@@ -1,0 +1,257 @@
+"""What breaks around a flight: the process, the disk, the cable, the clocks. kill -9 and -STOP are in test_run.py."""
+
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from test_process import flown, odometry, until
+from test_run import (
+    CABLE,
+    ENDLESS,
+    HOLD,
+    RIG,
+    ROOT,
+    SHORT,
+    GroundStation,
+    check_flight,
+    companion,
+    engaged,
+    folder_of,
+    free_port,
+    plant,
+    served,
+    tlog,
+    wait_for,
+)
+
+from companion.record.reader import read_flight
+
+OFFBOARD_LOSS_S = (0.9, 2.5)  # COM_OF_LOSS_T is a second
+GO_ON_S = 2.0
+
+
+class Cable:
+    """Two pseudo-terminals back to back: the plant has one end, `link` is the other."""
+
+    def __enter__(self) -> "Cable":
+        self._near, self._near_device = os.openpty()
+        self._far, self._far_device = os.openpty()
+        for fd in (self._near, self._far):
+            tty.setraw(fd)
+        self.plant = f"serial://{os.ttyname(self._near_device)}:921600"
+        self.link = f"serial://{os.ttyname(self._far_device)}:921600"
+        masters = (self._near, self._far)
+        self._carrier = subprocess.Popen([sys.executable, "-c", CABLE, *map(str, masters)], pass_fds=masters)
+        return self
+
+    def unplug(self) -> None:
+        """At the companion's end."""
+        self._carrier.kill()
+        self._carrier.wait()
+        os.close(self._far)
+        self._far = -1
+
+    def __exit__(self, *_: object) -> None:
+        self._carrier.kill()
+        self._carrier.wait()
+        for fd in (self._near, self._near_device, self._far, self._far_device):
+            if fd >= 0:
+                os.close(fd)
+
+
+@contextmanager
+def flying_over(cable: Cable, out: Path) -> Iterator[tuple["subprocess.Popen[str]", GroundStation, Path]]:
+    """A flight in control over a cable, and a ground station beside it."""
+    station_port = free_port()
+    with plant("--link", cable.plant, "--gcs-port", station_port) as process:
+        wait_for(process, "plant ready")
+        run = companion("run", RIG, "--link", cable.link, "--engage", "--out", out, *SHORT, *ENDLESS)
+        try:
+            folder = folder_of(wait_for(run, "log "))
+            wait_for(run, "engaged")
+            station = GroundStation(station_port)
+            try:
+                yield run, station, folder
+            finally:
+                station.link.close()
+        finally:
+            run.kill()
+            run.communicate()
+
+
+# --- the process ------------------------------------------------------------------------------------------------------
+
+
+def test_a_restart_in_flight_comes_up_beside_a_vehicle_that_it_leaves_alone(tmp_path: Path) -> None:
+    """Killed in OFFBOARD and started again: no stream, which would bring PX4 back to OFFBOARD, and no request.
+
+    Over a line: PX4 talks to the first UDP port that it hears, so only a companion on a fixed one (udpin) comes back.
+    """
+    with Cable() as cable, flying_over(cable, tmp_path / "first") as (first, station, _):
+        first.kill()
+        again = companion("run", RIG, "--link", cable.link, "--out", tmp_path / "second", *SHORT, *ENDLESS)
+        try:
+            folder = folder_of(wait_for(again, "log "))
+            wait_for(again, "standby")
+            station.mode_becomes(HOLD, 4.0)
+            time.sleep(GO_ON_S)
+            station.mode_becomes(HOLD, 1.0)  # still: nothing has brought it back to OFFBOARD
+            assert again.poll() is None
+        finally:
+            again.send_signal(signal.SIGINT)
+            again.communicate(timeout=10)
+    ours = [m for m in tlog(folder) if m.get_srcComponent() == 191]
+    assert ours
+    assert not [m for m in ours if m.get_type() == "SET_ATTITUDE_TARGET"]
+    assert not [m for m in ours if m.get_type() == "COMMAND_LONG" and m.command in (176, 400)]
+    ticks = read_flight(folder).ticks
+    assert not len(ticks[ticks["state"] == 3])
+
+
+def test_a_supervisor_s_signals_do_not_cost_the_log(tmp_path: Path) -> None:
+    """systemd signals the whole group: SIGTERM at a stop, SIGABRT where the watchdog was not fed."""
+    with engaged(tmp_path) as (run, _, folder):
+        time.sleep(0.5)
+        writer = writer_of(run.pid)
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGABRT):
+            os.kill(writer, number)
+        time.sleep(0.5)
+        run.send_signal(signal.SIGABRT)
+        assert run.wait(5.0) == -signal.SIGABRT
+        time.sleep(0.5)
+        flight = read_flight(folder)
+    assert flight.ticks["time_s"][-1] - flight.ticks["time_s"][flight.ticks["state"] == 3][0] > 0.7
+
+
+# --- the disk ---------------------------------------------------------------------------------------------------------
+
+
+def writer_of(pid: int) -> int:
+    """The process that writes a flight's log."""
+    (child,) = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return int(child)
+
+
+@contextmanager
+def small_disk() -> Iterator[Path]:
+    """A file system of a few pages, where we may mount one."""
+    with tempfile.TemporaryDirectory() as name:
+        mounted = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", name], capture_output=True, check=False
+        )
+        if mounted.returncode != 0:
+            pytest.skip("no right to mount a small disk")
+        try:
+            yield Path(name)
+        finally:
+            subprocess.run(["umount", name], check=True)
+
+
+def assert_flown_without_its_log(run: "subprocess.Popen[str]") -> None:
+    out, err = run.communicate(timeout=60)
+    assert run.returncode == 0, err
+    assert "released: mission_complete" in out
+    assert re.search(r"(traffic\.tlog|flight\.mcap): .*: the log ends here, the flight goes on", err)
+    assert "the log is incomplete" in err
+
+
+def test_a_full_disk_ends_the_log_and_not_the_flight() -> None:
+    with served() as port, small_disk() as disk:
+        run = companion("run", RIG, "--link", f"udpout://127.0.0.1:{port}", "--engage", "--out", disk, *SHORT)
+        assert_flown_without_its_log(run)
+
+
+def test_a_log_that_may_not_grow_ends_and_not_the_flight(tmp_path: Path) -> None:
+    with served() as port:
+        run = companion("run", RIG, "--link", f"udpout://127.0.0.1:{port}", "--engage", "--out", tmp_path, *SHORT)
+        wait_for(run, "engaged")
+        limit = 100_000
+        resource.prlimit(writer_of(run.pid), resource.RLIMIT_FSIZE, (limit, limit))
+        assert_flown_without_its_log(run)
+
+
+def test_a_writer_that_dies_ends_the_log_and_not_the_flight(tmp_path: Path) -> None:
+    with served() as port:
+        run = companion("run", RIG, "--link", f"udpout://127.0.0.1:{port}", "--engage", "--out", tmp_path, *SHORT)
+        wait_for(run, "engaged")
+        os.kill(writer_of(run.pid), signal.SIGKILL)
+        out, err = run.communicate(timeout=60)
+    assert run.returncode == 0, err
+    assert "released: mission_complete" in out
+    assert "the log is incomplete" in err
+
+
+# --- the cable --------------------------------------------------------------------------------------------------------
+
+
+def test_an_unplugged_cable_ends_control_and_the_vehicle_s_own_failsafe_acts(tmp_path: Path) -> None:
+    with Cable() as cable, flying_over(cable, tmp_path) as (run, station, folder):
+        time.sleep(0.5)
+        cable.unplug()
+        waited_s = station.mode_becomes(HOLD, 4.0)
+        assert OFFBOARD_LOSS_S[0] < waited_s < OFFBOARD_LOSS_S[1]
+        out, _ = run.communicate(timeout=10)
+        assert run.returncode == 1
+        assert "released: link_lost" in out
+        assert read_flight(folder).events[-1].name == "released_link_lost"
+
+
+# --- the clocks -------------------------------------------------------------------------------------------------------
+
+
+def test_a_vehicle_whose_clock_goes_back_ends_control_with_its_own_reason(tmp_path: Path) -> None:
+    """Forward is in test_process.py."""
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.pose = lambda time_us: odometry(time_us + 3_600_000_000)
+        autopilot.start()
+        until(process, "^engaged")
+        autopilot.pose = odometry
+        assert "clock_jump" in until(process, "^released")
+        assert process.wait(5.0) == 1
+        assert autopilot.mode == HOLD
+
+
+STEPPED = """
+import runpy, time
+real_ns, began_s, day_ns = time.time_ns, time.monotonic(), 86_400_000_000_000
+
+def stepped_ns():
+    since_s = time.monotonic() - began_s
+    return real_ns() + (0 if since_s < 4.5 else day_ns if since_s < 6.0 else -day_ns)
+
+time.time_ns, time.time = stepped_ns, lambda: 1e-9 * stepped_ns()
+runpy.run_module("companion", run_name="__main__")
+"""
+
+
+def test_the_host_s_clock_may_step_in_flight_even_where_frames_are_signed(tmp_path: Path) -> None:
+    """As NTP does it, forward and back: only the log asks what day it is."""
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(1, 33)))
+    key.chmod(0o600)
+    signed = ["--set", f"link.signing_key_file={key}"]
+    with served(*signed) as port:
+        command = [sys.executable, "-u", "-c", STEPPED, "run", str(RIG), "--engage", "--out", str(tmp_path)]
+        command += ["--link", f"udpout://127.0.0.1:{port}", *SHORT, *signed, "--set", "mission.duration_s=6"]
+        run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        try:
+            folder = folder_of(wait_for(run, "log "))
+            out, err = run.communicate(timeout=60)
+        finally:
+            run.kill()
+            run.communicate()
+    assert run.returncode == 0, err
+    assert "released: mission_complete" in out
+    check_flight(folder, "mission_complete")
+    stamps = [event.time_s for event in read_flight(folder).events]
+    assert abs(stamps[-1] - stamps[0] + 86_400.0) < 60.0  # the steps did happen
