@@ -191,11 +191,11 @@ def _assess_axis(
     show(0.8, "fastest reference model")
     quickest = fastest_reference(axis, tried) if fastest else None
     show(0.95, "attack")
-    attack = None if needed and not axis.response.delay_s.upper else _attack(axis)
-    return AxisAssessment(tuned, minimum, unstable, axis.response.delay_s.upper, delay, quickest, attack)
+    found = None if needed and not axis.response.delay_s.upper else attack(axis)
+    return AxisAssessment(tuned, minimum, unstable, axis.response.delay_s.upper, delay, quickest, found)
 
 
-def _attack(axis: AxisProblem) -> Counterexample | None:
+def attack(axis: AxisProblem) -> Counterexample | None:
     """A switching that destabilises the axis as tuned, its delay modelled as finely as can be."""
     finest = replace(axis, response=replace(axis.response, pade_order=MAX_PADE_ORDER))
     worst = worst_switching(finest)

@@ -163,6 +163,8 @@ class Sampling:
         Largest magnitudes the regressors reach.
     lyapunov_q
         Diagonal of Q in eq. (23).
+    bias_adaptation_rate
+        That of the weight on the regressor 1; zero where there is none.
     """
 
     tick_rate_hz: Decimal
@@ -170,13 +172,15 @@ class Sampling:
     position_m: Decimal
     velocity_m_s: Decimal
     lyapunov_q: tuple[Decimal, Decimal] = (Decimal(1), Decimal(1))
+    bias_adaptation_rate: Decimal = Decimal(0)
 
     def __post_init__(self) -> None:
         for name in ("tick_rate_hz", "position_m", "velocity_m_s"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
-        if self.adaptation_rate < 0:
-            raise ValueError(f"adaptation_rate must not be negative, not {self.adaptation_rate}")
+        for name in ("adaptation_rate", "bias_adaptation_rate"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
         if min(self.lyapunov_q) <= 0:
             raise ValueError("lyapunov_q must be positive")
 

@@ -2,15 +2,16 @@
 
 What is checked. With e = x - x_r, W~ = W^ - W and a regressor x held still, hedged adaptation (20)-(22) obeys
 
-    e' = A_r e - B s,    s = W~^T x,    s' = gamma |x|^2 e^T P B,
+    e' = A_r e - B s,    s = W~^T x,    s' = (gamma |x|^2 + gamma_b) e^T P B,
 
-whatever the attitude dynamics: the hedge takes them out. Between ticks s is constant, so e moves exactly by `e <- Phi
-e - Gamma s`, `Phi = exp(A_r dt)`, `Gamma` the integral of `exp(A_r t) B`; at a tick the explicit step adds `dt gamma
-|x|^2 e^T P B` to s. Both orders of a tick are checked, the command from the weights before and after their step. The
-regressor enters through `gamma |x|^2` alone and the characteristic polynomial is affine in it, so the first loss of
-stability is found in closed form (Jury) and covers every smaller regressor. It is a condition for each regressor held
-still, not a proof for all that move. The stricter of the two orders of a tick counts: what flies uses the weights it
-has just updated and would bear more.
+whatever the attitude dynamics: the hedge takes them out. gamma_b is the rate of the bias weight, whose regressor is 1;
+without one it is zero. Between ticks s is constant, so e moves exactly by `e <- Phi e - Gamma s`, `Phi = exp(A_r dt)`,
+`Gamma` the integral of `exp(A_r t) B`; at a tick the explicit step adds `dt` times s' to s. Both orders of a tick are
+checked, the command from the weights before and after their step. The regressor enters through the strength `gamma
+|x|^2 + gamma_b` alone and the characteristic polynomial is affine in it, so the first loss of stability is found in
+closed form (Jury) and covers every smaller regressor. It is a condition for each regressor held still, not a proof for
+all that move. The stricter of the two orders of a tick counts: what flies uses the weights it has just updated and
+would bear more.
 
 Standard library only, on the discretisation and the Lyapunov solution that fly: `companion run` checks it too."""
 
@@ -60,6 +61,8 @@ def error_dynamics(problem: AxisProblem, sampling: Sampling) -> ErrorDynamics:
 def largest_adaptation_rate(problem: AxisProblem, sampling: Sampling) -> float:
     """Adaptation rate gamma below which the sampled error dynamics are stable for every regressor in the envelope.
 
+    What the bias weight takes of the strength that is stable is gone for the others: `(limit - gamma_b) / |x|^2`.
+
     Parameters
     ----------
     problem
@@ -70,11 +73,12 @@ def largest_adaptation_rate(problem: AxisProblem, sampling: Sampling) -> float:
     Returns
     -------
     float
-        In the unit of gamma; compare with `sampling.adaptation_rate`.
+        In the unit of gamma; compare with `sampling.adaptation_rate`. Negative if the bias weight alone is too fast.
     """
     envelope = float(sampling.position_m) ** 2 + float(sampling.velocity_m_s) ** 2
     model = error_dynamics(problem, sampling)
-    return min(_first_instability(model, updated) for updated in (False, True)) / envelope
+    strength = min(_first_instability(model, updated) for updated in (False, True))
+    return (strength - float(sampling.bias_adaptation_rate)) / envelope
 
 
 def tick_matrix(model: ErrorDynamics, strength: float, updated: bool) -> Rows:
@@ -85,7 +89,7 @@ def tick_matrix(model: ErrorDynamics, strength: float, updated: bool) -> Rows:
     model
         Sampled error model.
     strength
-        `gamma |x|^2`.
+        `gamma |x|^2 + gamma_b`.
     updated
         Whether the command of a tick already uses the weights that this tick has updated.
     """

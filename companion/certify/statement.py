@@ -91,7 +91,9 @@ def _axis_json(axis: AxisProblem) -> dict[str, Json]:
 
 
 def _sampling_json(sampling: Sampling) -> dict[str, Json]:
-    return {
+    """Without a bias weight its rate is not stated, so that older certificates speak of the same problem."""
+    bias = sampling.bias_adaptation_rate
+    return ({"bias_adaptation_rate": decimal_text(bias)} if bias else {}) | {
         "tick_rate_hz": decimal_text(sampling.tick_rate_hz),
         "adaptation_rate": decimal_text(sampling.adaptation_rate),
         "position_m": decimal_text(sampling.position_m),
@@ -102,6 +104,10 @@ def _sampling_json(sampling: Sampling) -> dict[str, Json]:
 
 def _sampling_of(stated: object) -> Sampling:
     names = {"tick_rate_hz", "adaptation_rate", "position_m", "velocity_m_s"}
+    if isinstance(stated, Mapping) and "bias_adaptation_rate" in stated:
+        names.add("bias_adaptation_rate")
+        if stated["bias_adaptation_rate"] == "0":
+            raise ValueError("bias_adaptation_rate is not stated where it is zero")
     fields = _object(stated, "sampling", {*names, "lyapunov_q"})
     return Sampling(
         **{name: _number(fields[name], name) for name in names},

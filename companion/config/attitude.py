@@ -46,7 +46,7 @@ class AttitudeSection(Section):
 
     x: ResponseSection
     y: ResponseSection | None = None
-    yaw_free: bool = False  # certify both axes together for any heading, instead of the one kept at engagement
+    yaw_free: bool = False  # certify both for any angle to the control frame, which turns with the set-point
 
 
 class EnvelopeSection(Section):

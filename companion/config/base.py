@@ -17,6 +17,7 @@ Number = Annotated[float, BeforeValidator(_number)]
 Positive = Annotated[float, BeforeValidator(_number), Field(gt=0.0)]
 NonNegative = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
 Fraction = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=1.0)]
+Priority = Annotated[int, BeforeValidator(_number), Field(ge=0, le=99)]
 Id = Annotated[int, BeforeValidator(_number), Field(ge=1, le=255)]
 Vector = tuple[float, float, float]
 

@@ -83,11 +83,12 @@ def _interval(value: float | tuple[float, float]) -> Interval:
 
 
 def _sampling(config: Config, axis: AxisSection) -> Sampling:
-    envelope = config.controller.envelope
+    envelope, bias = config.controller.envelope, config.controller.bias
     return Sampling(
         tick_rate_hz=decimal(config.tick.floor_hz),
         adaptation_rate=decimal(axis.adaptation_rate.hedged),
         position_m=decimal(envelope.position_m),
         velocity_m_s=decimal(envelope.velocity_m_s),
         lyapunov_q=(decimal(axis.lyapunov_q[0]), decimal(axis.lyapunov_q[1])),
+        bias_adaptation_rate=decimal(0 if bias is None else bias.adaptation_rate.hedged),
     )

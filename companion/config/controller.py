@@ -63,12 +63,22 @@ class AltitudeSection(Section):
     velocity_limit_m_s: Positive = 1.0
 
 
+class BiasSection(Section):
+    """A weight on the regressor 1 on each horizontal axis, with its own projection: it takes up constant forces."""
+
+    bound: Positive  # specific force over g: 0.2 holds against what would push the vehicle away at 0.2 g
+    adaptation_rate: AdaptationRates
+
+
 class Limits(Section):
-    """What the controller never asks for."""
+    """What the controller never asks for. Without a speed the set-point jumps to the target."""
 
     tilt_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
     thrust_min: Annotated[Fraction, Field(gt=0.0)] = 0.05
     thrust_max: Fraction = 0.95
+    acceleration_m_s2: Positive | None = None  # horizontal
+    yaw_rate_deg_s: Positive = 45.0  # of the flown heading
+    speed_m_s: Positive | None = None  # of the flown set-point, on a straight line to the target
 
     @model_validator(mode="after")
     def _in_order(self) -> Limits:
@@ -78,11 +88,17 @@ class Limits(Section):
 
 
 class ControllerSection(Section):
-    """The position controller."""
+    """The position controller.
+
+    `anchor`: where the regressors are measured from. `engage` is the paper's, where control began; `setpoint` goes
+    along with the flown set-point, so that the adaptation is as fast everywhere.
+    """
 
     hedging: bool = True
+    anchor: Literal["engage", "setpoint"] = "setpoint"
     initial_weights: Literal["zero", "nominal"] = "nominal"
     axes: Axes
+    bias: BiasSection | None = None
     envelope: EnvelopeSection
     altitude: AltitudeSection | None = None
     limits: Limits = Limits()

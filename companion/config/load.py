@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from companion.config.mission import MissionSection
 from companion.config.schema import Config
 
 
@@ -92,11 +93,8 @@ def _one_line(error: ValidationError) -> str:
     return text + (f" (and {more} more)" if more else "")
 
 
-def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
-    """Read, override and validate a config file.
-
-    `overrides` are ``section.key=value`` texts. Raises `ConfigError`.
-    """
+def _read(path: Path) -> Any:
+    """The content of a YAML file. Raises `ConfigError`."""
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -104,18 +102,58 @@ def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise ConfigError(f"{path}: {reason}") from None
+    return _parse(text, path)
+
+
+def _parse(text: str, path: Path) -> Any:
     try:
-        data = _unshared(yaml.load(text, Loader=_UniqueKeys))
+        return _unshared(yaml.load(text, Loader=_UniqueKeys))
     except _NOT_YAML as error:
         mark = getattr(error, "problem_mark", None)
         where = f" line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or "not valid YAML"
         raise ConfigError(f"{path}{where}: {problem}") from None
+
+
+def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The config with the content of `mission.file` in its place; the keys beside `file` count more."""
+    mission = data.get("mission")
+    if not isinstance(mission, dict) or mission.get("file") is None:
+        return data
+    if not isinstance(mission["file"], str):
+        raise ConfigError(f"mission.file: a path is wanted (it is {mission['file']!r})")
+    path = folder / mission["file"]
+    content = _read(path)
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: not a mission (duration_s and waypoints are expected)")
+    try:
+        MissionSection.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_one_line(error)}") from None
+    beside = {key: value for key, value in mission.items() if key != "file"}
+    return {**data, "mission": {**content, **beside}}
+
+
+def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
+    """Read, override and validate a config file, and the mission file that it names.
+
+    `overrides` are ``section.key=value`` texts. Raises `ConfigError`.
+    """
+    return _config(_read(path), path, path.parent, overrides)
+
+
+def load_text(text: str, name: Path, folder: Path) -> Config:
+    """Validate the text of a config that is called `name` and whose paths start at `folder`. Raises `ConfigError`."""
+    return _config(_parse(text, name), name, folder, ())
+
+
+def _config(data: Any, path: Path, folder: Path, overrides: tuple[str, ...]) -> Config:
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: not a config (a mapping of sections is expected)")
     for override in overrides:
         _apply(data, *parse_override(override))
+    data = _with_mission_file(data, folder)
     try:
-        return Config.model_validate(data)
+        return Config.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise ConfigError(f"{path}: {_one_line(error)}") from None

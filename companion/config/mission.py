@@ -6,18 +6,23 @@ from itertools import pairwise
 
 from pydantic import model_validator
 
-from companion.config.base import NonNegative, Positive, Section, Vector
+from companion.config.base import NonNegative, Number, Positive, Section, Vector
 
 
 class Waypoint(Section):
-    """From a time on, a position relative to where control began (north, east, down)."""
+    """From a time on, a position and a heading relative to where control began. Without a heading it stays."""
 
     at_s: NonNegative
     offset_ned_m: Vector
+    yaw_deg: Number | None = None  # clockwise from above, from the heading at engagement
 
 
 class MissionSection(Section):
-    """What to fly after engagement. Without waypoints the vehicle holds its position until it is released."""
+    """What to fly after engagement. Without waypoints the vehicle holds its position until it is released.
+
+    A config may write `mission: {file: stairs.yaml}`, a path from the config's own folder, to a file with these keys;
+    keys beside `file` count more than those in it. `load_config` puts the content in its place.
+    """
 
     duration_s: Positive | None = None
     waypoints: tuple[Waypoint, ...] = ()

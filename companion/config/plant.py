@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field, model_validator
 
-from companion.config.base import NonNegative, Positive, Section
+from companion.config.base import Fraction, NonNegative, Positive, Section, Vector
 
 
 class Angle(Section):
@@ -77,16 +79,88 @@ class QuadrotorPlant(Section):
         return self
 
 
+class MismatchSection(Section):
+    """What the vehicle really has, over what this file says and autopilot and companion believe."""
+
+    mass: Positive = 1.0
+    thrust: Positive = 1.0  # at the same set-point
+    drag: NonNegative = 1.0
+
+
+class GustSection(Section):
+    """A gust of 1-cosine shape (MIL-F-8785C, 3.7.1.3) that rises, stays and falls; again every `every_s`."""
+
+    peak_ned_m_s: Vector
+    start_s: NonNegative = 0.0
+    rise_s: Positive = 1.0
+    hold_s: NonNegative = 0.0
+    every_s: NonNegative = 0.0  # 0: once
+
+
+class TurbulenceSection(Section):
+    """Dryden turbulence at low altitude (MIL-F-8785C, 3.7.3.4)."""
+
+    wind_at_20_ft_m_s: NonNegative  # its intensity: light 7.7, moderate 15.4
+    altitude_m: Positive = 6.0
+
+
+class WindSection(Section):
+    """Wind, acting through `quadrotor.drag_n_s2_m2`; vectors say where the air goes to."""
+
+    mean_ned_m_s: Vector = (0.0, 0.0, 0.0)
+    gust: GustSection | None = None
+    turbulence: TurbulenceSection | None = None
+
+
+class SensorsSection(Section):
+    """How the estimate differs from the truth: standard deviations per axis, and its age."""
+
+    position_m: NonNegative = 0.0
+    velocity_m_s: NonNegative = 0.0
+    attitude_deg: NonNegative = 0.0
+    correlation_s: Positive = 0.5
+    delay_s: Annotated[NonNegative, Field(le=0.5)] = 0.0
+    jitter_s: Annotated[NonNegative, Field(le=0.5)] = 0.0
+
+
+class DirectionSection(Section):
+    """What frames meet on their way in one direction; chances are per frame."""
+
+    delay_s: NonNegative = 0.0
+    jitter_s: NonNegative = 0.0  # uniform, on top of the delay; frames keep their order
+    loss: Fraction = 0.0
+    burst_begins: Fraction = 0.0  # Gilbert-Elliott: from good to bad, where everything is lost,
+    burst_ends: Fraction = 1.0  # and back
+    duplication: Fraction = 0.0
+    reordering: Fraction = 0.0
+    corruption: Fraction = 0.0  # one to eight flipped bits
+
+
+class RadioSection(Section):
+    """The link between autopilot and companion."""
+
+    down: DirectionSection = DirectionSection()  # autopilot to companion
+    up: DirectionSection = DirectionSection()
+
+
 class Plant(Section):
-    """One of the two, the transport delay in front of its attitude loop, and its autopilot's parameters."""
+    """One of the two vehicles, its autopilot's parameters, and everything that keeps it from being ideal."""
 
     rig: RigPlant | None = None
     quadrotor: QuadrotorPlant | None = None
-    setpoint_delay_s: NonNegative = 0.0
+    setpoint_delay_s: NonNegative = 0.0  # transport delay in front of the attitude loop
     parameters: dict[str, int | float] = Field(default_factory=dict)
+    seed: int = 1  # of all that is random: the same seed gives the same flight
+    mismatch: MismatchSection = MismatchSection()
+    wind: WindSection | None = None
+    battery_sag_1_s: NonNegative = 0.0  # share of the thrust lost a second
+    sensors: SensorsSection | None = None
+    link: RadioSection | None = None
 
     @model_validator(mode="after")
     def _one_vehicle(self) -> Plant:
         if (self.rig is None) == (self.quadrotor is None):
             raise ValueError("give either rig or quadrotor")
+        if self.rig is not None and self.wind is not None:
+            raise ValueError("wind does not reach a rig: its guides hold it")
         return self

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
-from companion.config.base import Id, Positive, Section
+from companion.config.base import Id, Number, Positive, Section
 from companion.config.controller import ControllerSection
-from companion.config.guards import Guards
+from companion.config.guards import Guards, ReleaseSection, check_delay
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
+from companion.config.reach import check_reach
+from companion.config.service import ServiceSection, SteeringSection
+
+ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 
 
 class VehicleSection(Section):
@@ -21,8 +24,12 @@ class VehicleSection(Section):
 
     kind: Literal["rig", "quadrotor"]
     hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
+    # What is flown: the value above; PX4's MPC_THR_HOVER, with the value above where it is not answered; or what is
+    # estimated in flight, beginning with either.
+    hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
     system_id: Id = 1
     component_id: Id = 1
+    parameters: dict[ParameterName, Number] = Field(default_factory=dict)  # PX4's, when its response was identified
 
 
 class PaperMetrics(Section):
@@ -51,6 +58,9 @@ class Config(Section):
     attitude: AttitudeSection
     mission: MissionSection = MissionSection()
     guards: Guards = Guards()
+    release: ReleaseSection = ReleaseSection()
+    steering: SteeringSection = SteeringSection()
+    service: ServiceSection = ServiceSection()
     plant: Plant | None = None
     paper: PaperSection | None = None
 
@@ -66,12 +76,15 @@ class Config(Section):
             raise ValueError("vehicle.hover_thrust must lie between controller.limits.thrust_min and thrust_max")
         if (self.link.system_id, self.link.component_id) == (self.vehicle.system_id, self.vehicle.component_id):
             raise ValueError("link.system_id and component_id are the vehicle's own: the companion needs others")
-        reach = max((math.hypot(*waypoint.offset_ned_m[:2]) for waypoint in self.mission.waypoints), default=0.0)
-        if reach > self.controller.envelope.position_m:
-            raise ValueError(
-                f"a waypoint lies {reach:g} m from where control begins, beyond controller.envelope.position_m "
-                f"({self.controller.envelope.position_m:g}), for which the adaptation rate is checked"
-            )
+        if self.steering.enabled and not self.guards.fence.enabled:
+            raise ValueError("steering.enabled needs guards.fence.enabled: a live command may ask for any place")
+        check_reach(self.controller, self.mission)
+        check_delay(self.guards, self.attitude)
+        if self.vehicle.kind == "rig" and (
+            self.vehicle.hover_thrust_source == "estimated"
+            or any(w.yaw_deg is not None for w in self.mission.waypoints)
+        ):
+            raise ValueError("a rig keeps its thrust and its heading: no estimated hover thrust, no yaw_deg")
         if self.plant is not None and (self.plant.rig is None) == (self.vehicle.kind == "rig"):
             raise ValueError(f"plant: give the {self.vehicle.kind}, as vehicle.kind says")
         return self

@@ -24,15 +24,24 @@ class AltitudeParams(NamedTuple):
 
 
 class AltitudeState(NamedTuple):
-    """Integrator, as an acceleration, and the derivative filter's low-pass."""
+    """Integrator, as an acceleration, and the derivative filter's low-pass; and (4) on a vehicle without disturbance.
+
+    The reference is what the cascade makes of the command when nothing but the thrust moves the vehicle; like the
+    hedged reference it knows the thrust that was flown in place of the one wanted.
+    """
 
     integral_m_s2: float
     filtered_velocity_m_s: float
+    reference_z_m: float
+    reference_velocity_m_s: float  # down
+    reference_integral_m_s2: float
+    reference_climb_m_s2: float  # its acceleration upwards since the last tick
+    up: float  # wanted at the last tick, over g
 
 
-def start(velocity_down_m_s: float) -> AltitudeState:
+def start(z_m: float, velocity_down_m_s: float) -> AltitudeState:
     """Integrator empty and the filter settled: the first output is hover thrust plus the proportional part."""
-    return AltitudeState(0.0, velocity_down_m_s)
+    return AltitudeState(0.0, velocity_down_m_s, z_m, velocity_down_m_s, 0.0, 0.0, 1.0)
 
 
 def step(
@@ -42,19 +51,67 @@ def step(
     velocity_down_m_s: float,
     command_z_m: float,
     dt_s: float,
+    flown_up: float,
+    lowest_up: float,
+    highest_up: float,
+    hover_ratio: float,
 ) -> tuple[AltitudeState, float]:
-    """Vertical specific force over g, positive up; 1 is hover. The integrator stops at its limit."""
+    """Vertical specific force over g, positive up; 1 is hover.
+
+    The integrator stops at its limit, and does not integrate farther into a thrust that is at its own.
+
+    Parameters
+    ----------
+    flown_up
+        Vertical specific force over g that was commanded over the last tick.
+    lowest_up, highest_up
+        What the thrust limits allow, over g.
+    hover_ratio
+        The hover thrust of the last tick over that of this one. Thrust is `up` times hover thrust: where the latter
+        changes, the integrator takes up the difference and the thrust does not step.
+    """
     kp, kv, ki, kd, bandwidth, integral_limit, limit, gravity = params
-    integral, filtered = state
+    integral, filtered, reference_z, reference_velocity, reference_integral, reference_climb, up_before = state
+
     climb_wanted = -kp * (command_z_m - z_m)
     climb_wanted = -limit if climb_wanted < -limit else limit if climb_wanted > limit else climb_wanted
     climb_error = climb_wanted + velocity_down_m_s
-    integral += dt_s * ki * climb_error
-    integral = (
-        -integral_limit if integral < -integral_limit else integral_limit if integral > integral_limit else integral
-    )
+    integral += gravity * up_before * (hover_ratio - 1.0)
+    moved = integral + dt_s * ki * climb_error
+    moved = -integral_limit if moved < -integral_limit else integral_limit if moved > integral_limit else moved
     blend = 1.0 - math.exp(-bandwidth * dt_s)
     filtered += blend * (velocity_down_m_s - filtered)
     climb_derivative = -bandwidth * (velocity_down_m_s - filtered)
-    up = kv * climb_error + integral - kd * climb_derivative
-    return AltitudeState(integral, filtered), 1.0 + up / gravity
+    up = 1.0 + (kv * climb_error + moved - kd * climb_derivative) / gravity
+    integrates = not ((up > highest_up and climb_error > 0.0) or (up < lowest_up and climb_error < 0.0))
+    if not integrates:
+        moved = integral
+        up = 1.0 + (kv * climb_error + moved - kd * climb_derivative) / gravity
+
+    reference_velocity -= dt_s * (reference_climb + gravity * (flown_up - up_before) / (1.0 + kd))
+    reference_z += dt_s * reference_velocity
+    climb_wanted = -kp * (command_z_m - reference_z)
+    climb_wanted = -limit if climb_wanted < -limit else limit if climb_wanted > limit else climb_wanted
+    climb_error = climb_wanted + reference_velocity
+    if integrates:
+        reference_integral += dt_s * ki * climb_error
+        reference_integral = min(max(reference_integral, -integral_limit), integral_limit)
+    reference_climb = (kv * climb_error + reference_integral) / (1.0 + kd)
+    return (
+        AltitudeState(moved, filtered, reference_z, reference_velocity, reference_integral, reference_climb, up),
+        up,
+    )
+
+
+def shift(state: AltitudeState, z_m: float, velocity_down_m_s: float) -> AltitudeState:
+    """The same memory after the estimate jumped by so much."""
+    integral, filtered, reference_z, reference_velocity, reference_integral, reference_climb, up = state
+    return AltitudeState(
+        integral,
+        filtered + velocity_down_m_s,
+        reference_z + z_m,
+        reference_velocity + velocity_down_m_s,
+        reference_integral,
+        reference_climb,
+        up,
+    )

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from companion.control.projection import adapt
-from companion.control.reference_model import transition
+from companion.control.reference_model import Transition
 
 
 class AxisParams(NamedTuple):
@@ -28,6 +28,8 @@ class AxisParams(NamedTuple):
     velocity_weight_lower: float
     velocity_weight_upper: float
     hedging: bool
+    bias_adaptation_rate: float = 0.0  # of the weight on the regressor 1, against constant forces; zero: there is none
+    bias_bound: float = 0.0  # specific force over g
 
 
 class AxisState(NamedTuple):
@@ -42,6 +44,7 @@ class AxisState(NamedTuple):
     command_m: float
     control: float
     actuator: float
+    bias_weight: float
 
 
 class AxisOutput(NamedTuple):
@@ -70,6 +73,18 @@ def nominal_weights(params: AxisParams) -> tuple[float, float]:
     return omega * omega / params.gravity_m_s2, 2.0 * params.damping_ratio * omega / params.gravity_m_s2
 
 
+def on_bound(params: AxisParams, state: AxisState) -> int:
+    """How many weights of an axis rest on a bound of their projection."""
+    count = 0
+    if not params.position_weight_lower < state.position_weight < params.position_weight_upper:
+        count += 1
+    if not params.velocity_weight_lower < state.velocity_weight < params.velocity_weight_upper:
+        count += 1
+    if params.bias_adaptation_rate > 0.0 and not -params.bias_bound < state.bias_weight < params.bias_bound:
+        count += 1
+    return count
+
+
 def start(
     position_m: float, velocity_m_s: float, position_weight: float, velocity_weight: float, actuator: float
 ) -> AxisState:
@@ -84,12 +99,15 @@ def start(
         position_m,
         actuator,
         actuator,
+        0.0,
     )
 
 
 def step(
     params: AxisParams,
     state: AxisState,
+    over: Transition,
+    shift_m: float,
     position_m: float,
     velocity_m_s: float,
     actuator: float,
@@ -98,15 +116,26 @@ def step(
 ) -> tuple[AxisState, AxisOutput]:
     """One tick: move both references to now, adapt, and command.
 
+    `over` is the reference model's own over `dt_s`; `shift_m` is how far the anchor has moved along the axis since the
+    last tick: the references and the command before move the other way, since the double integrator does not care
+    where its origin is.
+
     The command u was held over the tick while the actuator output w moved; the hedge therefore takes the mean of w at
     its two ends. Without hedging the reference is the ideal one.
+
+    The bias weight has the regressor 1 and obeys (22) with a rate and a bound of its own: it takes up a constant force.
+    It leaves (24)-(25) as they are, since it adds no more than a bounded input.
     """
     # Unpacked once: attributes of a NamedTuple cost CPython more than the arithmetic.
-    omega, damping, gravity, adaptation, p12, p22, lower1, upper1, lower2, upper2, hedging = params
-    ideal1, ideal2, reference1, reference2, weight1, weight2, command_before, control_before, actuator_before = state
+    omega, _, gravity, adaptation, p12, p22, lower1, upper1, lower2, upper2, hedging, bias_rate, bias_bound = params
+    ideal1, ideal2, reference1, reference2, weight1, weight2, command_before, control_before, actuator_before, bias = (
+        state
+    )
     stiffness = omega * omega
-    f11, f12, f21, f22, g1, g2 = transition(omega, damping, dt_s)
-    drive = stiffness * command_before
+    f11, f12, f21, f22, g1, g2 = over
+    ideal1 -= shift_m
+    reference1 -= shift_m
+    drive = stiffness * (command_before - shift_m)
     next_ideal1 = f11 * ideal1 + f12 * ideal2 + g1 * drive  # (19)
     next_ideal2 = f21 * ideal1 + f22 * ideal2 + g2 * drive
     deficit = 0.5 * (actuator_before + actuator) - control_before
@@ -119,11 +148,16 @@ def step(
 
     error1 = position_m - next1
     error2 = velocity_m_s - next2
-    rate = adaptation * (gravity * (p12 * error1 + p22 * error2))  # (22): gamma x e'PB
+    steer = gravity * (p12 * error1 + p22 * error2)  # e'PB
+    rate = adaptation * steer  # (22): gamma x e'PB
     weight1 = adapt(weight1, rate * position_m, lower1, upper1, dt_s)
     weight2 = adapt(weight2, rate * velocity_m_s, lower2, upper2, dt_s)
-    control = stiffness / gravity * command_m - weight1 * position_m - weight2 * velocity_m_s  # (21), K_r = wn^2/g
+    if bias_rate > 0.0:
+        bias = adapt(bias, bias_rate * steer, -bias_bound, bias_bound, dt_s)
+    control = (
+        stiffness / gravity * command_m - weight1 * position_m - weight2 * velocity_m_s - bias
+    )  # (21), K_r = wn^2/g
     return (
-        AxisState(next_ideal1, next_ideal2, next1, next2, weight1, weight2, command_m, control, actuator),
+        AxisState(next_ideal1, next_ideal2, next1, next2, weight1, weight2, command_m, control, actuator, bias),
         AxisOutput(control, error1, error2, deficit),
     )

@@ -1,6 +1,8 @@
 """The whole position controller: odometry and command in, attitude set-point out.
 
 The control frame is NED moved to the anchor and turned by the yaw set-point, so that its x is pitch and its y is roll.
+The adaptation gain grows with the square of the distance from the anchor: it stays where control began (the paper), or
+goes along with the flown set-point (the regulation form, for flight).
 """
 
 from __future__ import annotations
@@ -8,8 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.control import altitude, attitude, mrac
-from companion.control.types import AttitudeSetpoint, Command, Odometry
+from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint
+from companion.control.reference_model import transition
+from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
 
 
 class PositionParams(NamedTuple):
@@ -19,10 +22,10 @@ class PositionParams(NamedTuple):
     y: mrac.AxisParams
     altitude: altitude.AltitudeParams
     one_axis: bool  # a rig on guides: x only, and the thrust stays at hover, as under (28)
-    hover_thrust: float
-    thrust_min: float
-    thrust_max: float
-    tilt_limit_rad: float
+    anchored_at_setpoint: bool
+    limits: limits.LimitParams
+    setpoint: setpoint.SetpointParams
+    hover: hover.HoverParams
 
 
 class PositionState(NamedTuple):
@@ -31,10 +34,13 @@ class PositionState(NamedTuple):
     x: mrac.AxisState
     y: mrac.AxisState
     altitude: altitude.AltitudeState
+    hover: hover.HoverState
     anchor_x_m: float
     anchor_y_m: float
-    yaw_rad: float  # of the control frame
-    thrust_ratio: float  # commanded thrust over hover
+    flown: Command  # the set-point on its way to the target; its yaw is the control frame's
+    force: tuple[float, float, float]  # flown over the last tick: specific force over g, control frame, positive up
+    thrust: float  # normalised, over the last tick
+    ease: ease.EaseState
 
 
 class Horizontal(NamedTuple):
@@ -55,14 +61,17 @@ class PositionOutput(NamedTuple):
     measured: Horizontal
     x: mrac.AxisOutput
     y: mrac.AxisOutput
-    limited: bool  # the tilt or the thrust limit cut the command
+    limited: bool  # a limit cut the force
+    thrust_limited: bool  # the vertical force was cut: the thrust is at its limit
 
 
 def in_control_frame(
-    odometry: Odometry, anchor_x_m: float, anchor_y_m: float, yaw_rad: float, thrust_ratio: float
+    odometry: Odometry, anchor_x_m: float, anchor_y_m: float, c: float, s: float, thrust_ratio: float
 ) -> Horizontal:
-    """Measured position, velocity and w of (15): the thrust direction scaled by the thrust commanded."""
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    """Measured position, velocity and w of (15): the thrust direction scaled by the thrust commanded.
+
+    `c` and `s` are cosine and sine of the frame's yaw; `thrust_ratio` is over hover thrust.
+    """
     _, x, y, _, vx, vy, _, qw, qx, qy, qz = odometry
     north, east = x - anchor_x_m, y - anchor_y_m
     fx, fy, _ = attitude.thrust_direction(qw, qx, qy, qz)
@@ -81,17 +90,49 @@ def engage(
     yaw_rad: float,
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
+    hover_thrust: float,
 ) -> PositionState:
-    """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity)."""
-    now = in_control_frame(odometry, odometry.x_m, odometry.y_m, yaw_rad, 1.0)
+    """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity).
+
+    Where it leans or moves, the difference between its own tilt and the one the law wants is eased out.
+    """
+    now = in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
+    lean_x, lean_y = now.wx + weights_x[1] * now.vx_m_s, now.wy + weights_y[1] * now.vy_m_s
     return PositionState(
         mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], now.wx),
         mrac.start(now.y_m, now.vy_m_s, weights_y[0], weights_y[1], now.wy),
-        altitude.start(odometry.vz_m_s),
+        altitude.start(odometry.z_m, odometry.vz_m_s),
+        hover.start(hover_thrust, odometry.vz_m_s),
         odometry.x_m,
         odometry.y_m,
-        yaw_rad,
-        1.0,
+        Command(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
+        (now.wx, now.wy, 1.0),
+        hover_thrust,
+        ease.EaseState(lean_x, lean_y, 0.0, ease.DURATION_S, False),
+    )
+
+
+def reseat(state: PositionState, jump: Jump) -> PositionState:
+    """The estimate jumped and the vehicle did not: everything that is remembered jumps along.
+
+    What stays of it, a law that sees another velocity or heading, is eased into from the force flown last. Tilt and
+    thrust are the vehicle's own and stay in the control frame, which turns with the heading.
+    """
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, _ = state
+    yaw = flown.yaw_rad + jump.yaw_rad
+    c, s = math.cos(yaw), math.sin(yaw)
+    x, y = frame.turn_references(x, y, jump.yaw_rad)
+    return PositionState(
+        frame.push(x, c * jump.vx_m_s + s * jump.vy_m_s),
+        frame.push(y, c * jump.vy_m_s - s * jump.vx_m_s),
+        altitude.shift(z, jump.z_m, jump.vz_m_s),
+        hover.shift(lift, jump.vz_m_s),
+        anchor_x + jump.x_m,
+        anchor_y + jump.y_m,
+        Command(flown.x_m + jump.x_m, flown.y_m + jump.y_m, flown.z_m + jump.z_m, yaw),
+        force,
+        thrust,
+        ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
     )
 
 
@@ -99,31 +140,58 @@ def step(
     params: PositionParams, state: PositionState, odometry: Odometry, command: Command, dt_s: float
 ) -> tuple[PositionState, PositionOutput]:
     """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it."""
-    params_x, params_y, params_z, one_axis, hover_thrust, thrust_min, thrust_max, tilt_limit = params
-    state_x, state_y, state_z, anchor_x, anchor_y, yaw, thrust_ratio = state
-    now = in_control_frame(odometry, anchor_x, anchor_y, yaw, thrust_ratio)
-    at_x, vx, wx, at_y, vy, wy = now
-    c, s = math.cos(yaw), math.sin(yaw)
-    command_x, command_y, command_z, command_yaw = command
-    north, east = command_x - anchor_x, command_y - anchor_y
-    x, out_x = mrac.step(params_x, state_x, at_x, vx, wx, c * north + s * east, dt_s)
-    if one_axis:
-        y, out_y, z, up = state_y, mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), state_z, 1.0
-    else:
-        y, out_y = mrac.step(params_y, state_y, at_y, vy, wy, c * east - s * north, dt_s)
-        z, up = altitude.step(params_z, state_z, odometry.z_m, odometry.vz_m_s, command_z, dt_s)
-    up_limited = min(max(up, thrust_min / hover_thrust), thrust_max / hover_thrust)
+    params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation = params
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing = state
+    _, thrust_min, thrust_max, _, _ = bounds
+    yaw = flown.yaw_rad
+    if command != flown:
+        flown = setpoint.advance(travel, flown, command, dt_s)
+    command_x, command_y, command_z, flown_yaw = flown
+    if flown_yaw != yaw:
+        by = setpoint.turn(yaw, flown_yaw)
+        x, y = frame.turn(x, y, by)
+        force, easing = frame.turn_force(force, by), ease.turn(easing, by)
+        yaw = flown_yaw
 
+    hover_before = lift[0]
+    if estimation.rate_1_s > 0.0:
+        upright = 1.0 - 2.0 * (odometry.qx * odometry.qx + odometry.qy * odometry.qy)
+        lift = hover.step(estimation, lift, odometry.vz_m_s, thrust * upright, dt_s)
+    hover_thrust = lift[0]
+
+    c, s = math.cos(yaw), math.sin(yaw)
+    north, east = command_x - anchor_x, command_y - anchor_y  # the command, seen from the anchor
+    ahead, aside = c * north + s * east, c * east - s * north
+    shift_x = shift_y = 0.0
+    if anchored_at_setpoint:
+        anchor_x, anchor_y, shift_x, shift_y, ahead, aside = command_x, command_y, ahead, aside, 0.0, 0.0
+    now = in_control_frame(odometry, anchor_x, anchor_y, c, s, thrust / hover_thrust)
+    at_x, vx, wx, at_y, vy, wy = now
+    over = transition(params_x.natural_frequency_rad_s, params_x.damping_ratio, dt_s)
+    x, out_x = mrac.step(params_x, x, over, shift_x, at_x, vx, wx, ahead, dt_s)
+    if one_axis:
+        out_y, up = mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), 1.0
+    else:
+        if params_y.natural_frequency_rad_s != params_x.natural_frequency_rad_s or (
+            params_y.damping_ratio != params_x.damping_ratio
+        ):
+            over = transition(params_y.natural_frequency_rad_s, params_y.damping_ratio, dt_s)
+        y, out_y = mrac.step(params_y, y, over, shift_y, at_y, vy, wy, aside, dt_s)
+        lowest, highest, ratio = thrust_min / hover_thrust, thrust_max / hover_thrust, hover_before / hover_thrust
+        z, up = altitude.step(
+            params_z, z, odometry.z_m, odometry.vz_m_s, command_z, dt_s, force[2], lowest, highest, ratio
+        )
     along, across = out_x.control, out_y.control
-    wanted = math.sqrt(along * along + across * across)
-    reach = math.sin(tilt_limit) if one_axis else up_limited * math.tan(tilt_limit)
-    scale = 1.0 if wanted <= reach else reach / wanted
-    along, across = scale * along, scale * across
-    force_z = -math.sqrt(1.0 - along * along) if one_axis else -up_limited
-    qw, qx, qy, qz, force = attitude.extract(c * along - s * across, s * along + c * across, force_z, command_yaw)
-    thrust = min(force * hover_thrust, thrust_max)
-    limited = scale < 1.0 or up != up_limited or thrust < force * hover_thrust
+    if easing.due or easing.left_s > 0.0:
+        easing, along, across, up = ease.step(easing, (along, across, up), force, dt_s)
+
+    if one_axis:
+        along, across, up, cut, up_cut = limits.limit_level(bounds, along)
+    else:
+        along, across, up, cut, up_cut = limits.limit(bounds, along, across, up, hover_thrust)
+    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, yaw)
+    thrust = min(size * hover_thrust, thrust_max)
     return (
-        PositionState(x, y, z, anchor_x, anchor_y, yaw, thrust / hover_thrust),
-        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, limited),
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing),
+        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, cut or up_cut, up_cut),
     )

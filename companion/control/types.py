@@ -35,6 +35,18 @@ class Command(NamedTuple):
     yaw_rad: float
 
 
+class Jump(NamedTuple):
+    """A step of the estimate itself: what it says now minus what it was expected to say. The vehicle did not move."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    vx_m_s: float
+    vy_m_s: float
+    vz_m_s: float
+    yaw_rad: float
+
+
 class AttitudeSetpoint(NamedTuple):
     """Desired attitude (body to NED) and normalised collective thrust, 0 to 1."""
 

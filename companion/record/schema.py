@@ -26,15 +26,19 @@ class Field(NamedTuple):
     meaning: str
 
 
-# Per-axis fields are [x, y] of the control frame: NED at the anchor, turned by the yaw set-point. NaN: not in control.
+# Per-axis fields are [x, y] of the control frame: NED at the anchor, turned by the yaw set-point. Where the anchor
+# goes along with the set-point, positions are distances from it and command_m is zero. NaN: not in control.
 FLOATS: Final = (
     Field("time_s", 1, "time of the odometry sample, autopilot's clock"),
     Field("dt_s", 1, "since the sample before"),
     Field("position_ned_m", 3, "measured position, local NED"),
     Field("velocity_ned_m_s", 3, "measured velocity, local NED"),
     Field("attitude_q_wxyz", 4, "measured attitude, body to NED"),
-    Field("command_ned_m", 3, "commanded position, local NED"),
-    Field("command_yaw_rad", 1, "commanded heading"),
+    Field("target_ned_m", 3, "where the mission or a live command wants the vehicle, local NED"),
+    Field("target_yaw_rad", 1, "and its heading"),
+    Field("command_ned_m", 3, "flown set-point, local NED: on its way to the target at limits.speed_m_s"),
+    Field("command_yaw_rad", 1, "flown heading set-point, that of the control frame: limits.yaw_rate_deg_s"),
+    Field("anchor_ned_m", 2, "origin of the control frame, local NED (north, east)"),
     Field("position_m", 2, "measured position, control frame"),
     Field("velocity_m_s", 2, "measured velocity, control frame"),
     Field("command_m", 2, "c, commanded position, control frame"),
@@ -44,17 +48,22 @@ FLOATS: Final = (
     Field("reference_velocity_m_s", 2, "x_r of (20)"),
     Field("position_weight", 2, "first element of W of (22), 1/m"),
     Field("velocity_weight", 2, "second element of W of (22), s/m"),
+    Field("bias_weight", 2, "third element of W, of the regressor 1: specific force over g"),
     Field("control", 2, "u of (21), specific force over g, before limits"),
     Field("actuator", 2, "w of (16), specific force over g: measured attitude, commanded thrust"),
     Field("hedge_deficit", 2, "w - u over the last tick, as the hedge took it"),
+    Field("reference_z_m", 1, "down, local NED: (4) on a vehicle that nothing disturbs"),
+    Field("hover_thrust", 1, "normalised thrust taken for the one that carries the weight"),
     Field("setpoint_q_wxyz", 4, "attitude set-point sent"),
     Field("setpoint_thrust", 1, "thrust set-point sent, normalised"),
     Field("latency_s", 1, "odometry received to set-point sent, our clock; zero in lockstep, where time stands still"),
 )
-CONTROL_FLOATS: Final = FLOATS[5:19]  # from command_ned_m to hedge_deficit: known only in control
+_NAMES = [field.name for field in FLOATS]
+CONTROL_FLOATS: Final = FLOATS[_NAMES.index("target_ned_m") : _NAMES.index("setpoint_q_wxyz")]  # known only in control
 FLAGS: Final = (
     Field("state", 1, "authority: see companion.flight.authority.State"),
-    Field("limited", 1, "1 when the tilt or the thrust limit cut the command"),
+    Field("limited", 1, "1 when tilt, thrust or acceleration limits cut the force"),
+    Field("thrust_limited", 1, "1 when the thrust limit cut its vertical part"),
 )
 
 PACKER: Final = struct.Struct(f"<4s{sum(field.size for field in FLOATS)}d{len(FLAGS)}B")

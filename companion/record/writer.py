@@ -113,6 +113,7 @@ def _to(traffic: IO[bytes], time_us: int, frame: bytes) -> None:
 
 
 if __name__ == "__main__":
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    # A supervisor ends the flight's whole group, a watchdog by SIGABRT; this process ends when the pipe does.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT):
         signal.signal(number, signal.SIG_IGN)
     sys.exit(0 if write(Path(sys.argv[1]), sys.stdin.buffer) else 1)

@@ -15,6 +15,7 @@ from companion.record.folder import new_folder, open_folder
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 RIG = SHIPPED / "antx_rig.yaml"
 QUADROTOR = SHIPPED / "paper_quadrotor.yaml"
+PX4 = SHIPPED / "px4_quadrotor.yaml"
 
 
 def complaint(path: Path, *overrides: str) -> str:
@@ -39,10 +40,16 @@ def complaint_about(text: str | bytes, folder: Path) -> str:
 
 
 def test_the_shipped_files_load() -> None:
-    assert sorted(path.name for path in SHIPPED.glob("*.yaml")) == ["antx_rig.yaml", "paper_quadrotor.yaml"]
+    names = ["antx_rig.yaml", "paper_quadrotor.yaml", "px4_quadrotor.yaml"]
+    assert sorted(path.name for path in SHIPPED.glob("*.yaml")) == names
     rig, quadrotor = load_config(RIG), load_config(QUADROTOR)
     assert (rig.vehicle.kind, quadrotor.vehicle.kind) == ("rig", "quadrotor")
     assert rig.controller.axes.y is None
+    assert (rig.controller.anchor, quadrotor.controller.anchor) == ("engage", "engage")  # the paper's
+    assert rig.controller.bias is None
+    px4 = load_config(PX4)
+    assert px4.controller.anchor == "setpoint"
+    assert px4.paper is None
     assert quadrotor.controller.axes.y == quadrotor.controller.axes.x, "one anchor describes both axes"
     assert rig.paper is not None
     assert (rig.paper.hedged.peak_error_m, rig.paper.hedged.rms_error_m) == (0.0860, 0.0275)
@@ -80,6 +87,9 @@ def test_defaults_are_those_of_flight(tmp_path: Path) -> None:
     config = load_config(path)
     assert config.controller.initial_weights == "nominal"
     assert config.controller.hedging is True
+    assert config.controller.anchor == "setpoint"
+    assert config.controller.limits.speed_m_s is None
+    assert config.vehicle.hover_thrust_source == "config"
     assert (config.vehicle.system_id, config.vehicle.component_id) == (1, 1)
     assert (config.link.system_id, config.link.component_id) == (1, 191)
     assert config.mission.waypoints == ()
@@ -89,7 +99,7 @@ def test_defaults_are_those_of_flight(tmp_path: Path) -> None:
     assert interval(config.controller.axes.x.velocity_weight_bound) == (-0.35, 0.35)
 
 
-@pytest.mark.parametrize("path", [RIG, QUADROTOR], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [RIG, QUADROTOR, PX4], ids=lambda path: path.stem)
 def test_the_config_left_in_a_flight_folder_loads_to_the_config_flown(path: Path, tmp_path: Path) -> None:
     flown = load_config(path, ("mission.duration_s=3.5", "mission.waypoints=[]", "controller.hedging=false"))
     folder = new_folder(tmp_path, path.stem)

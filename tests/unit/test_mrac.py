@@ -27,6 +27,14 @@ def axis(
     return mrac.AxisParams(omega, zeta, G, gamma, p12, p22, -bounds[0], bounds[0], -bounds[1], bounds[1], hedging)
 
 
+def step(
+    params: mrac.AxisParams, state: mrac.AxisState, *inputs: float, shift: float = 0.0
+) -> tuple[mrac.AxisState, mrac.AxisOutput]:
+    """One tick; `inputs` are position, velocity, actuator, command and dt."""
+    over = transition(params.natural_frequency_rad_s, params.damping_ratio, inputs[-1])
+    return mrac.step(params, state, over, shift, *inputs)
+
+
 @given(st.floats(0.2, 10.0), st.floats(0.1, 2.0), st.floats(0.01, 10.0), st.floats(0.01, 10.0))
 def test_lyapunov_equation_23(omega: float, zeta: float, q1: float, q2: float) -> None:
     p11, p12, p22 = mrac.solve_lyapunov(omega, zeta, q1, q2)
@@ -60,7 +68,7 @@ def test_control_law_21_and_matching_condition() -> None:
     """With the nominal weights and an ideal actuator the plant is the reference model: A - B Wᵀ = A_r, B K_r = B_r."""
     params = axis(hedging=False, gamma=0.0)
     state = mrac.start(0.2, -0.1, *mrac.nominal_weights(params), 0.0)
-    _, out = mrac.step(params, state, 0.2, -0.1, 0.0, 0.5, 0.0)
+    _, out = step(params, state, 0.2, -0.1, 0.0, 0.5, 0.0)
     wanted = params.natural_frequency_rad_s**2 * (0.5 - 0.2) - 2 * 0.7 * params.natural_frequency_rad_s * -0.1
     assert G * out.control == pytest.approx(wanted, rel=1e-12)
 
@@ -69,7 +77,7 @@ def test_adaptation_22_is_gamma_x_e_pb() -> None:
     params = axis(hedging=False)
     state = mrac.start(0.1, 0.05, 0.0, 0.0, 0.0)
     x, dt = (0.11, 0.07), 0.01
-    after, out = mrac.step(params, state, *x, 0.0, 0.1, dt)
+    after, out = step(params, state, *x, 0.0, 0.1, dt)
     ref = propagate(transition(2.3, 0.7, dt), 0.1, 0.05, 2.3**2 * 0.1)
     e = (x[0] - ref[0], x[1] - ref[1])
     assert (out.error_position_m, out.error_velocity_m_s) == pytest.approx(e)
@@ -89,7 +97,7 @@ def fly(
     p, v, w = 0.0, 0.0, 0.0
     state, errors = mrac.start(p, v, *weights, w), []
     for k in range(int(seconds / dt)):
-        state, out = mrac.step(params, state, p, v, w, 0.3 if k else 0.0, dt if k else 0.0)
+        state, out = step(params, state, p, v, w, 0.3 if k else 0.0, dt if k else 0.0)
         errors.append((out.error_position_m, out.error_velocity_m_s))
         for _ in range(10):
             h = dt / 10
@@ -116,7 +124,7 @@ def test_hedging_off_follows_the_ideal_reference() -> None:
     params = axis(hedging=False)
     state = mrac.start(0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(50):
-        state, _ = mrac.step(params, state, 0.01, 0.0, 0.3, 0.2, 0.01)
+        state, _ = step(params, state, 0.01, 0.0, 0.3, 0.2, 0.01)
     assert (state.reference_position_m, state.reference_velocity_m_s) == (
         state.ideal_position_m, state.ideal_velocity_m_s,
     )  # fmt: skip
@@ -125,5 +133,82 @@ def test_hedging_off_follows_the_ideal_reference() -> None:
 def test_deficit_is_actuator_minus_command() -> None:
     params = axis(hedging=True)
     state = mrac.start(0.0, 0.0, 0.0, 0.0, 0.1)._replace(control=0.3)
-    _, out = mrac.step(params, state, 0.0, 0.0, 0.2, 0.0, 0.01)
+    _, out = step(params, state, 0.0, 0.0, 0.2, 0.0, 0.01)
     assert out.deficit == pytest.approx(0.5 * (0.1 + 0.2) - 0.3)
+
+
+def test_bias_weight_has_its_own_rate_and_bound_and_comes_off_the_command() -> None:
+    plain = axis(hedging=False)
+    params = plain._replace(bias_adaptation_rate=2.0, bias_bound=0.01)
+    state = mrac.start(0.1, 0.05, 0.5, 0.3, 0.0)
+    without, out_without = step(plain, state, 0.11, 0.07, 0.0, 0.1, 0.01)
+    after, out = step(params, state, 0.11, 0.07, 0.0, 0.1, 0.01)
+    e = (out.error_position_m, out.error_velocity_m_s)
+    epb = G * (params.lyapunov_12 * e[0] + params.lyapunov_22 * e[1])
+    assert after.bias_weight == pytest.approx(0.01 * 2.0 * epb)  # (22) for the regressor 1
+    assert out.control == pytest.approx(out_without.control - after.bias_weight)
+    assert after._replace(bias_weight=0.0, control=0.0) == without._replace(control=0.0)  # the others do not see it
+    for _ in range(100):
+        after, _ = step(params, after, 0.11, 0.07, 0.0, 0.1, 0.01)
+    assert after.bias_weight == 0.01
+
+
+def test_bias_weight_takes_up_a_constant_force() -> None:
+    """Without it a steady push of 1 m/s² moves the vehicle off by about push / ωn²; with it the error goes to zero."""
+
+    def rest(bias_rate: float) -> float:
+        params = axis(hedging=True, gamma=1.0)._replace(bias_adaptation_rate=bias_rate, bias_bound=0.3)
+        p, v, w, dt = 0.0, 0.0, 0.0, 0.004
+        state = mrac.start(p, v, *mrac.nominal_weights(params), w)
+        for _ in range(4000):
+            state, out = step(params, state, p, v, w, 0.0, dt)
+            w += (1.0 - math.exp(-9.0 * dt)) * (out.control - w)
+            v += dt * (G * w + 1.0)
+            p += dt * v
+        return p
+
+    assert rest(0.0) > 0.1
+    assert abs(rest(2.0)) < 1e-3
+
+
+def test_hedge_takes_the_unsaturated_command_and_the_measured_output() -> None:
+    """A saturated actuator shows as a deficit, reaches the reference, and leaves error and weights alone (4.3)."""
+    params = axis(hedging=True, gamma=100.0)
+    nominal = mrac.nominal_weights(params)
+    p, v, w, dt = 0.0, 0.0, 0.0, 0.001
+    state, worst, felt = mrac.start(p, v, *nominal, w), 0.0, 0.0
+    for k in range(3000):
+        state, out = step(params, state, p, v, w, 1.0 if k else 0.0, dt if k else 0.0)
+        assert state.control == out.control
+        worst = max(worst, abs(out.error_position_m))
+        felt = max(felt, abs(state.reference_position_m - state.ideal_position_m))
+        flown = min(max(out.control, -0.1), 0.1)  # nominal would be 0.54 at first
+        p, v, w = p + dt * v + 0.5 * dt * dt * G * flown, v + dt * G * flown, flown
+    assert worst < 2e-3
+    assert (state.position_weight, state.velocity_weight) == pytest.approx(nominal, abs=0.01)
+    assert felt > 0.1
+
+
+@given(st.floats(-50.0, 50.0))
+def test_a_moved_anchor_changes_nothing_but_the_numbers(by: float) -> None:
+    """The same motion seen from an anchor `by` farther: same errors, and with nominal weights the same command."""
+    params = axis(hedging=True, gamma=0.0)
+    nominal = mrac.nominal_weights(params)
+    a = b = mrac.start(0.0, 0.0, *nominal, 0.0)
+    for k in range(1, 40):
+        p, v, w = 0.01 * math.sin(0.3 * k), 0.03 * math.cos(0.3 * k), 0.02 * math.sin(0.2 * k)
+        a, out_a = step(params, a, p, v, w, 0.1, 0.01)
+        moved = by if k >= 20 else 0.0
+        b, out_b = step(params, b, p - moved, v, w, 0.1 - moved, 0.01, shift=by if k == 20 else 0.0)
+        assert out_b == pytest.approx(out_a, abs=1e-11)
+        assert b.reference_position_m + moved == pytest.approx(a.reference_position_m, abs=1e-11)
+        assert b.ideal_velocity_m_s == pytest.approx(a.ideal_velocity_m_s, abs=1e-11)
+
+
+def test_weights_on_a_bound_are_counted() -> None:
+    params = axis(hedging=True)._replace(bias_adaptation_rate=1.0, bias_bound=0.2)
+    state = mrac.start(0.0, 0.0, 0.1, 0.1, 0.0)
+    assert mrac.on_bound(params, state) == 0
+    assert mrac.on_bound(params, state._replace(position_weight=0.55, velocity_weight=-0.35)) == 2
+    assert mrac.on_bound(params, state._replace(bias_weight=-0.2)) == 1
+    assert mrac.on_bound(params._replace(bias_adaptation_rate=0.0, bias_bound=0.0), state) == 0

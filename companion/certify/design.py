@@ -1,0 +1,151 @@
+"""The fastest reference model that an identified attitude response allows, with a margin, and what limits it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from typing import Final, NamedTuple
+
+from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
+from companion.certify.problem import AxisProblem, Interval, Problem, Sampling
+from companion.certify.sampled import largest_adaptation_rate
+
+PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s
+BOUND_PLACES: Final = Decimal("0.001")
+SAMPLED_SHARE: Final = 0.5  # of the adaptation rate at which sampling would make it unstable
+_NUDGE: Final = Decimal("1.2")  # by how much bandwidth and delay are improved in turn, to see which of them limits
+
+
+class Design(NamedTuple):
+    """What was chosen for all axes alike, so that it does not matter which way the nose points.
+
+    Attributes
+    ----------
+    natural_frequency_rad_s, position_bound, velocity_bound
+        Reference model, and projection bounds (lower, upper) in the template's proportion to the nominal weights.
+    adaptation_rate, bias_adaptation_rate
+        The template's, or less where sampling demands it; the bias rate is zero without a bias weight.
+    fastest_rad_s
+        By axis, the fastest certified reference model with the margin.
+    slowest
+        The axis that decides.
+    limited_by
+        "attitude bandwidth" or "delay": whichever, a fifth better, would allow the faster reference model.
+    sampled
+        Whether the adaptation rates had to come down for the tick rate.
+    """
+
+    natural_frequency_rad_s: Decimal
+    position_bound: tuple[Decimal, Decimal]
+    velocity_bound: tuple[Decimal, Decimal]
+    adaptation_rate: Decimal
+    bias_adaptation_rate: Decimal
+    fastest_rad_s: Mapping[str, Decimal]
+    slowest: str
+    limited_by: str
+    sampled: bool
+
+
+def design(
+    problem: Problem,
+    margin: Decimal,
+    degrees: Sequence[int],
+    progress: Callable[[float, str], None] = lambda _fraction, _text: None,
+) -> Design | None:
+    """Choose the reference model.
+
+    Parameters
+    ----------
+    problem
+        The template's axes with the identified responses in place of its own.
+    margin
+        By how much the attitude bandwidth may fall short of the identified one, as a fraction of what is left.
+    degrees
+        Of the Lyapunov functions to try.
+
+    Returns
+    -------
+    Design or None
+        None if no reference model near the template's is certified.
+    """
+    slowed = {name: slower(axis, margin) for name, axis in problem.axes.items()}
+    fastest: dict[str, Decimal] = {}
+    known: dict[AxisProblem, Decimal] = {}
+    for index, (name, axis) in enumerate(slowed.items()):
+        progress(0.8 * index / len(slowed), f"axis {name}: fastest reference model")
+        if axis not in known:
+            found = fastest_reference(axis, degrees)
+            if found is None:
+                return None
+            known[axis] = found.value
+        fastest[name] = known[axis]
+    slowest = min(fastest, key=lambda name: fastest[name])
+    frequency = fastest[slowest].quantize(PLACES, ROUND_FLOOR)
+    progress(0.8, f"axis {slowest}: what limits it")
+    chosen = with_natural_frequency(problem.axes[slowest], frequency)
+    lower, upper = _rounded(chosen.weights_lower, ROUND_FLOOR), _rounded(chosen.weights_upper, ROUND_CEILING)
+    gamma, bias, sampled = rates(
+        {name: with_natural_frequency(axis, frequency) for name, axis in problem.axes.items()}, problem.sampling
+    )
+    return Design(
+        frequency,
+        (lower[0], upper[0]),
+        (lower[1], upper[1]),
+        gamma,
+        bias,
+        fastest,
+        slowest,
+        _limit(slowed[slowest]),
+        sampled,
+    )
+
+
+def slower(axis: AxisProblem, margin: Decimal) -> AxisProblem:
+    """The same axis with a smaller attitude bandwidth: the tuned one is `1 + margin` times it."""
+    return with_bandwidth(axis, tuned_bandwidth(axis.response) / (1 + margin))
+
+
+def rates(axes: Mapping[str, AxisProblem], sampling: Mapping[str, Sampling]) -> tuple[Decimal, Decimal, bool]:
+    """(adaptation rate, bias adaptation rate, whether they came down) that sampling allows on every axis.
+
+    The template's where its strength is within `SAMPLED_SHARE` of what sampling bears, else both scaled down alike.
+    """
+    scale = 1.0
+    for name, sampled in sampling.items():
+        regressor = float(sampled.position_m) ** 2 + float(sampled.velocity_m_s) ** 2
+        alone = replace(sampled, bias_adaptation_rate=Decimal(0))
+        bearable = largest_adaptation_rate(axes[name], alone) * regressor  # strength, in all
+        strength = float(sampled.adaptation_rate) * regressor + float(sampled.bias_adaptation_rate)
+        scale = min(scale, SAMPLED_SHARE * bearable / strength if strength else 1.0)
+    first = next(iter(sampling.values()))
+    if scale >= 1.0:
+        return first.adaptation_rate, first.bias_adaptation_rate, False
+    return _figures(first.adaptation_rate, scale), _figures(first.bias_adaptation_rate, scale), True
+
+
+def _limit(axis: AxisProblem) -> str:
+    """Which of the two, improved by the same share, would help more."""
+    delay = axis.response.delay_s
+    if not delay.upper:
+        return "attitude bandwidth"
+    shorter = Interval(delay.lower / _NUDGE, delay.upper / _NUDGE)
+    with_less_delay = fastest_reference(replace(axis, response=replace(axis.response, delay_s=shorter)), (2,))
+    with_more_bandwidth = fastest_reference(with_bandwidth(axis, tuned_bandwidth(axis.response) * _NUDGE), (2,))
+    by_delay = 0 if with_less_delay is None else with_less_delay.value
+    by_bandwidth = 0 if with_more_bandwidth is None else with_more_bandwidth.value
+    return "delay" if by_delay > by_bandwidth else "attitude bandwidth"
+
+
+def _rounded(bounds: tuple[Decimal, Decimal], way: str) -> tuple[Decimal, Decimal]:
+    position, velocity = (bound.quantize(BOUND_PLACES, way) for bound in bounds)
+    return position, velocity
+
+
+def _figures(rate: Decimal, scale: float) -> Decimal:
+    """Two significant figures, downwards."""
+    value = float(rate) * scale
+    if value <= 0.0:
+        return Decimal(0)
+    return Decimal(value).quantize(Decimal(1).scaleb(math.floor(math.log10(value)) - 1), ROUND_FLOOR)

@@ -1,0 +1,32 @@
+"""The `mission.identification` section: attitude doublets that `companion identify` reads the response from."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field
+
+from companion.config.base import Positive, Section
+from companion.control.types import GRAVITY_M_S2
+
+
+class IdentificationSection(Section):
+    """Doublets in roll and then in pitch, each followed by a pause in which the position loop brings the vehicle back.
+
+    A doublet is one pulse to one side, two to the other and one back: it ends where it began, at rest.
+    """
+
+    amplitude_deg: Annotated[float, Field(ge=2.0, le=20.0)] = 8.0
+    pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5  # several times 1/bandwidth, or the end of it is never seen
+    pause_s: Positive = 4.0
+    repeats: Annotated[int, Field(ge=2, le=20)] = 4  # of each axis: the intervals come from how they differ
+
+    @property
+    def excursion_m(self) -> float:
+        """How far a doublet carries a vehicle without drag: `a T²` at the middle of it."""
+        return GRAVITY_M_S2 * math.tan(math.radians(self.amplitude_deg)) * self.pulse_s * self.pulse_s
+
+    def amplitude_for_deg(self, excursion_m: float) -> float:
+        """The amplitude that stays within an excursion."""
+        return math.degrees(math.atan(excursion_m / (GRAVITY_M_S2 * self.pulse_s * self.pulse_s)))
