@@ -1,11 +1,16 @@
-"""Who is in control: a pure transition function over what is known. The pilot comes before everything."""
+"""Who is in control: pure functions over what is known. The pilot comes before everything."""
 
 from __future__ import annotations
 
-from enum import IntEnum, StrEnum
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Final, NamedTuple
 
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.flight.reasons import MEANING, Reason
 from companion.mavlink.px4 import Mode
+
+__all__ = ["MEANING", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
 
 
 class State(IntEnum):
@@ -13,49 +18,15 @@ class State(IntEnum):
 
     CONNECTING = 0  # no autopilot heard yet
     CHECKING = 1  # heard; its odometry is being measured
-    STANDBY = 2  # ready, streaming, not in control
+    STANDBY = 2  # ready, streaming unless hands are off, not in control
     ENGAGED = 3  # in control
     RELEASED = 4  # control ended, for a named reason
 
 
-class Reason(StrEnum):
-    """Every way out of control."""
-
-    MODE_CHANGED = "mode_changed"
-    DISARMED = "disarmed"
-    OPERATOR = "operator"
-    MISSION_COMPLETE = "mission_complete"
-    POSE_STALE = "pose_stale"
-    POSE_INVALID = "pose_invalid"
-    SETPOINT_INVALID = "setpoint_invalid"
-    CLOCK_JUMP = "clock_jump"
-    HEARTBEAT_LOST = "heartbeat_lost"
-    LINK_LOST = "link_lost"
-    NO_VEHICLE = "no_vehicle"
-    RATE_TOO_LOW = "rate_too_low"
-    ENGAGE_REFUSED = "engage_refused"
-    INTERNAL_ERROR = "internal_error"
-
-
-MEANING = {
-    Reason.MODE_CHANGED: "the vehicle left OFFBOARD: the pilot or its failsafe has control",
-    Reason.DISARMED: "the vehicle was disarmed",
-    Reason.OPERATOR: "stopped by the operator",
-    Reason.MISSION_COMPLETE: "the mission is over",
-    Reason.POSE_STALE: "no odometry within guards.pose_age_s",
-    Reason.POSE_INVALID: "the odometry was not finite numbers with a unit quaternion",
-    Reason.SETPOINT_INVALID: "the controller's answer was not finite; it was not sent",
-    Reason.CLOCK_JUMP: "the odometry's time stamps jumped",
-    Reason.HEARTBEAT_LOST: "no heartbeat within guards.heartbeat_age_s",
-    Reason.LINK_LOST: "the link has gone",
-    Reason.NO_VEHICLE: "no heartbeat of the configured vehicle within link.connect_timeout_s",
-    Reason.RATE_TOO_LOW: "odometry arrives below tick.floor_hz",
-    Reason.ENGAGE_REFUSED: "the vehicle did not arm, take off or accept OFFBOARD",
-    Reason.INTERNAL_ERROR: "an error in the companion itself",
-}
-
 # Control ended because somebody else took it: nothing is asked of the vehicle any more.
-TAKEN: frozenset[Reason] = frozenset({Reason.MODE_CHANGED, Reason.DISARMED})
+TAKEN: Final = frozenset({Reason.MODE_CHANGED, Reason.DISARMED, Reason.KILLED})
+# Control ended as somebody wanted it; every other end is a fault. A failsafe of the vehicle's own is a fault too.
+ORDINARY: Final = frozenset({Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED})
 
 
 class Known(NamedTuple):
@@ -66,6 +37,8 @@ class Known(NamedTuple):
     mode: int  # custom_mode
     armed: bool
     fault: Reason | None  # of a guard, the operator or the mission
+    killed: bool = False
+    hands_off: bool = False  # OFFBOARD was being flown when we came
 
 
 def advance(state: State, known: Known) -> tuple[State, Reason | None]:
@@ -73,6 +46,8 @@ def advance(state: State, known: Known) -> tuple[State, Reason | None]:
     if state is State.RELEASED:
         return state, None
     if state is State.ENGAGED:
+        if known.killed:
+            return State.RELEASED, Reason.KILLED
         if known.mode != Mode.OFFBOARD:
             return State.RELEASED, Reason.MODE_CHANGED
         if not known.armed:
@@ -83,6 +58,30 @@ def advance(state: State, known: Known) -> tuple[State, Reason | None]:
         return State.CHECKING, None
     if state is State.CHECKING and known.checked:
         return State.STANDBY, None
-    if state is State.STANDBY and known.mode == Mode.OFFBOARD and known.armed:
+    wanted = known.mode == Mode.OFFBOARD and known.armed and not known.killed
+    if state is State.STANDBY and wanted and not known.hands_off:
         return State.ENGAGED, None
     return state, None
+
+
+def hands_off(before: bool | None, mode: int, intended: int | None, *, armed: bool) -> bool | None:
+    """Whether OFFBOARD was being flown by somebody before us, who may be ourselves before a restart.
+
+    PX4 flies OFFBOARD again by itself as soon as a stream comes, even out of a failsafe, for as long as OFFBOARD is
+    what was last asked for. So a companion that comes up beside an armed vehicle with that intention sends nothing
+    until somebody has chosen another mode or disarmed. None: not told yet (`before` at first contact; `intended`, the
+    intended_custom_mode of CURRENT_MODE that goes with `mode`, until it has come). Once it is False it stays so.
+    """
+    if before is False or not armed:
+        return False
+    if Mode.OFFBOARD in (mode, intended):
+        return True
+    return before if intended is None else False
+
+
+def killed(mode: int, system_status: int) -> bool:
+    """Kill switch or flight termination. PX4 tells both as MAV_STATE_FLIGHT_TERMINATION in its HEARTBEAT.
+
+    A kill leaves the mode as it is; PX4 disarms five seconds later. Source: `streams/HEARTBEAT.hpp`, `Commander.cpp`.
+    """
+    return mode == Mode.TERMINATION or system_status == mavlink.MAV_STATE_FLIGHT_TERMINATION

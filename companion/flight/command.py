@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 
 from companion.config import Config, ConfigError
 from companion.config.certification import certificate_path
-from companion.flight.authority import Reason
+from companion.flight.authority import ORDINARY, Reason
 from companion.flight.covered import uncovered
 from companion.flight.process import FlightProcess
 from companion.flight.say import Speaker
-from companion.mavlink.link import open_link
+from companion.flight.service import Notifier, prepare_process
+from companion.mavlink.guest import door_of
+from companion.mavlink.link import LinkError, open_link
+from companion.mavlink.sharing import Door
 from companion.record.folder import new_folder, open_folder
+from companion.record.recorder import EVENT
+from companion.record.schema import pack_event
 
-_ORDINARY = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
-_GOOD_ENDS = (*_ORDINARY, Reason.MODE_CHANGED, Reason.DISARMED)
+_WANTED = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
 
 
 def run_flight(config: Config, arguments: argparse.Namespace) -> int:
-    """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a failsafe, 2 when control never began."""
+    """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a fault or a failsafe, 2 when control never began."""
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
     certificate = arguments.certificate or certificate_path(arguments.config)
     warning = uncovered(config, certificate, hedging=hedging)
@@ -34,8 +39,13 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
         folder = new_folder(arguments.out, arguments.config.stem)
         recorder = open_folder(folder, arguments.config, config, blocking=False)
         speaker = Speaker()
+        notifier = Notifier()
+        door = _door(link.name, speaker)
         try:
             speaker.say(f"link {link.name}, log {folder}")
+            for line in prepare_process(config.service):
+                speaker.say(line)
+                recorder.add(EVENT, time.time_ns() // 1000, pack_event("process", line))
             summary = FlightProcess(
                 config,
                 link,
@@ -43,17 +53,32 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
                 hedging=hedging,
                 engage=arguments.engage,
                 warning=warning,
+                uncertified=arguments.uncertified,
+                door=door,
+                notifier=notifier,
                 say=speaker.say,
             ).run()
         finally:
+            notifier.close()
+            if door is not None:
+                door.close()
             speaker.close()
             complaint = recorder.close()
             if complaint is not None:
                 print(f"companion: {complaint}", file=sys.stderr)
     finally:
         link.close()
-    if not summary.engaged and summary.reason not in _ORDINARY:
+    if not summary.engaged and summary.reason not in _WANTED:
         print(f"companion: {summary.detail}", file=sys.stderr)
         return 2
     print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
-    return 0 if summary.reason in _GOOD_ENDS else 1
+    return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
+
+
+def _door(url: str, speaker: Speaker) -> Door | None:
+    """A door for `companion vehicle` and `companion logs`; without one the flight is none the worse."""
+    try:
+        return Door(door_of(url))
+    except LinkError as error:
+        speaker.say(str(error))
+        return None

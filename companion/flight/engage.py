@@ -91,6 +91,8 @@ class Engagement:
             self._first_mode = seen.mode
             if seen.armed:
                 return None, "wait: it is armed already, so --engage leaves it to its pilot"
+            if seen.mode == Mode.OFFBOARD:  # what it reads after it has landed by itself: armed, it would fly on
+                return None, "wait: it is in OFFBOARD already; choose another mode first"
         while self._steps and self._steps[0].fulfilled(seen):
             self._steps.pop(0)
             self._begun_s = None

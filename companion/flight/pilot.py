@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from companion.config.schema import Config
-from companion.control import attitude, position
-from companion.control.types import AttitudeSetpoint, Command, Odometry
+from companion.control import attitude, mrac, position
+from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
 from companion.flight.mission import Mission
-from companion.flight.setup import initial_weights, position_params
+from companion.flight.setup import hover_params, initial_weights, position_params
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
@@ -17,34 +17,69 @@ _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 class Pilot:
     """Flies the mission of a config from wherever `take_over` finds the vehicle.
 
-    Attributes: `elapsed_s` in control; `error_m`, horizontal distance from the ideal reference, (26) or (29).
+    Attributes: `elapsed_s` in control; `error_m`, horizontal distance from the ideal reference, (26) or (29); `origin`,
+    where control began; `target`, where the mission or a live command wants the vehicle; `last`, what the controller
+    made of the last tick.
     """
 
     def __init__(self, config: Config, *, hedging: bool) -> None:
+        self._config = config
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
         self._mission = Mission(config.mission)
         self._control: position.PositionState | None = None
-        self._command = self._origin = Command(0.0, 0.0, 0.0, 0.0)
-        self._out: position.PositionOutput | None = None
+        self._steered = False
+        self._z_m = 0.0
         self._since_s = 0.0
+        self.origin = self.target = Command(0.0, 0.0, 0.0, 0.0)
+        self.last: position.PositionOutput | None = None
         self.elapsed_s = 0.0
         self.error_m = 0.0
 
-    def take_over(self, sample: Odometry) -> None:
-        """A bumpless start: references, anchor and mission begin where the vehicle is."""
+    def take_over(self, sample: Odometry, hover_thrust: float | None = None) -> None:
+        """A bumpless start: references, anchor and mission begin where the vehicle is.
+
+        `hover_thrust` is the autopilot's own (MPC_THR_HOVER). It counts unless `vehicle.hover_thrust_source` is config,
+        and only within the thrust limits.
+        """
+        hover, limits = self._config.vehicle.hover_thrust, self._params.limits
+        if (
+            hover_thrust is not None
+            and self._config.vehicle.hover_thrust_source != "config"
+            and limits.thrust_min < hover_thrust < limits.thrust_max
+        ):
+            hover = hover_thrust
+        self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
-        self._origin = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self.origin = self.target = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self._steered = False
         self._since_s = sample.time_s
-        self._control = position.engage(sample, yaw, *self._weights)
+        self._control = position.engage(sample, yaw, *self._weights, hover)
+
+    def steer(self, target: Command) -> None:
+        """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""
+        self._steered = True
+        self.target = target._replace(yaw_rad=self.target.yaw_rad) if math.isnan(target.yaw_rad) else target
+
+    def reseat(self, jump: Jump) -> None:
+        """The estimate jumped by so much and the vehicle did not: go on as if nothing had happened.
+
+        To be called before the first sample after the jump. Mission and target jump along, so that the vehicle stays
+        where it is and attitude and thrust do not step; what a velocity or a heading changes is washed out in a second.
+        """
+        assert self._control is not None  # take_over comes first
+        self._control = position.reseat(self._control, jump)
+        self.origin, self.target = _moved(self.origin, jump), _moved(self.target, jump)
 
     def step(self, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
         """One tick in control."""
         assert self._control is not None  # take_over comes first
         self.elapsed_s = sample.time_s - self._since_s
-        self._command = self._mission.command(self.elapsed_s, self._origin)
-        self._control, out = position.step(self._params, self._control, sample, self._command, dt_s)
-        self._out = out
+        if not self._steered:
+            self.target = self._mission.command(self.elapsed_s, self.origin)
+        self._control, out = position.step(self._params, self._control, sample, self.target, dt_s)
+        self.last = out
+        self._z_m = sample.z_m
         x_m = out.measured.x_m - self._control.x.ideal_position_m
         y_m = 0.0 if self._params.one_axis else out.measured.y_m - self._control.y.ideal_position_m
         self.error_m = math.hypot(x_m, y_m)
@@ -55,22 +90,56 @@ class Pilot:
         """Whether the mission's time is up."""
         return self._mission.over(self.elapsed_s)
 
+    @property
+    def tracking_error_m(self) -> float:
+        """Distance from the reference that the controller tracks, in space: the hedged one when it hedges."""
+        if self.last is None or self._control is None:
+            return 0.0
+        x_m, y_m = self.last.x.error_position_m, self.last.y.error_position_m
+        if self._params.one_axis:
+            return abs(x_m)
+        z_m = self._z_m - self._control.altitude.reference_z_m
+        return math.sqrt(x_m * x_m + y_m * y_m + z_m * z_m)
+
+    @property
+    def weights_on_bound(self) -> int:
+        """How many of the weights rest on a bound of their projection."""
+        if self._control is None:
+            return 0
+        axes = ((self._params.x, self._control.x), (self._params.y, self._control.y))
+        return sum(mrac.on_bound(params, state) for params, state in axes[: 1 if self._params.one_axis else 2])
+
+    @property
+    def hover_thrust(self) -> float:
+        """The normalised thrust taken for the one that carries the weight."""
+        return self._config.vehicle.hover_thrust if self._control is None else self._control.hover.hover_thrust
+
     def record(self, sample: Odometry, dt_s: float, setpoint: AttitudeSetpoint, latency_s: float, state: int) -> bytes:
         """The tick just flown, as `companion.record.schema` has it."""
-        assert self._control is not None
-        assert self._out is not None
-        x, y, at, out = self._control.x, self._control.y, self._out.measured, self._out
+        control, out = self._control, self.last
+        assert control is not None
+        assert out is not None
+        x, y, at = control.x, control.y, out.measured
         return pack_tick(
-            CDR_HEADER, sample.time_s, dt_s, *sample[1:], *self._command,
+            CDR_HEADER, sample.time_s, dt_s, *sample[1:], *self.target, *control.flown,
+            control.anchor_x_m, control.anchor_y_m,
             at.x_m, at.y_m, at.vx_m_s, at.vy_m_s, x.command_m, y.command_m,
             x.ideal_position_m, y.ideal_position_m, x.ideal_velocity_m_s, y.ideal_velocity_m_s,
             x.reference_position_m, y.reference_position_m, x.reference_velocity_m_s, y.reference_velocity_m_s,
-            x.position_weight, y.position_weight, x.velocity_weight, y.velocity_weight,
+            x.position_weight, y.position_weight, x.velocity_weight, y.velocity_weight, x.bias_weight, y.bias_weight,
             x.control, y.control, x.actuator, y.actuator, out.x.deficit, out.y.deficit,
-            *setpoint, latency_s, state, out.limited,
+            control.altitude.reference_z_m, control.hover.hover_thrust,
+            *setpoint, latency_s, state, out.limited, out.thrust_limited,
         )  # fmt: skip
 
 
 def record_standby(sample: Odometry, dt_s: float, setpoint: AttitudeSetpoint, latency_s: float, state: int) -> bytes:
     """A tick out of control: what was measured and sent, NaN for the rest."""
-    return pack_tick(CDR_HEADER, sample.time_s, dt_s, *sample[1:], *_NOT_IN_CONTROL, *setpoint, latency_s, state, False)
+    return pack_tick(
+        CDR_HEADER, sample.time_s, dt_s, *sample[1:], *_NOT_IN_CONTROL, *setpoint, latency_s, state, False, False
+    )
+
+
+def _moved(command: Command, jump: Jump) -> Command:
+    x, y, z, yaw = command
+    return Command(x + jump.x_m, y + jump.y_m, z + jump.z_m, yaw + jump.yaw_rad)

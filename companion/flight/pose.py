@@ -5,6 +5,7 @@ Source: https://mavlink.io/en/messages/common.html; PX4 sends ODOMETRY in local 
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from companion.control.types import Odometry
@@ -16,8 +17,11 @@ ATTITUDE_QUATERNION: Final = Layout("ATTITUDE_QUATERNION")
 
 _new = tuple.__new__
 _unpack_pose = ODOMETRY.only(
-    "time_usec", "x", "y", "z", "q", "vx", "vy", "vz", "frame_id", "child_frame_id"
-).unpack_from  # the covariances are two thirds of the message
+    "time_usec", "x", "y", "z", "q", "vx", "vy", "vz",
+    "pose_covariance[0]", "pose_covariance[6]", "pose_covariance[11]",  # the diagonal of its upper right triangle
+    "frame_id", "child_frame_id", "reset_counter",
+).unpack_from  # fmt: skip
+_UNKNOWN: Final = (math.nan, math.nan, math.nan)
 _LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
 _POSITION = tuple(LOCAL_POSITION_NED.index(name) for name in ("x", "y", "z", "vx", "vy", "vz"))
 _POSITION_MS = LOCAL_POSITION_NED.index("time_boot_ms")
@@ -27,10 +31,15 @@ _ATTITUDE_AGE_MS = 50  # an attitude older than this does not belong to a positi
 
 
 class PoseSource:
-    """Turns pose frames into odometry. Once ODOMETRY has been heard, the other two are ignored."""
+    """Turns pose frames into odometry. Once ODOMETRY has been heard, the other two are ignored.
+
+    Attributes: `message` in use; `reset_counter` and `variance_ned_m2` of the last ODOMETRY, which alone has them.
+    """
 
     def __init__(self) -> None:
         self.message = "ODOMETRY"
+        self.reset_counter = 0
+        self.variance_ned_m2 = _UNKNOWN
         self._settled = False
         self._attitude: tuple[float, float, float, float] | None = None
         self._attitude_ms = 0
@@ -40,10 +49,14 @@ class PoseSource:
         if frame.message_id == ODOMETRY.message_id:
             if self._settled and self.message != "ODOMETRY":
                 return None  # its rate has not been measured
-            time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, axes, child_axes = _unpack_pose(ODOMETRY.full(frame.payload))
+            time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, var_x, var_y, var_z, axes, child_axes, resets = _unpack_pose(
+                ODOMETRY.full(frame.payload)
+            )
             if axes != _LOCAL_NED or child_axes != _LOCAL_NED:
                 return None
             self.message = "ODOMETRY"
+            self.reset_counter = resets
+            self.variance_ned_m2 = (var_x, var_y, var_z)
             return _new(Odometry, (time_us * 1e-6, x, y, z, vx, vy, vz, qw, qx, qy, qz))
         if self.message == "ODOMETRY":
             return None

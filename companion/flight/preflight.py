@@ -5,29 +5,43 @@ from __future__ import annotations
 from typing import Any, Final
 
 from companion.config.schema import Config
+from companion.flight.estimator import ESTIMATOR_STATUS
+from companion.flight.parameters import ParameterReader, stale
 from companion.flight.port import CURRENT_MODE
 from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.mavlink import px4
+from companion.mavlink.codec import Frame
 
 _ASK_AGAIN_S: Final = 1.0
 _FALL_BACK_S: Final = 1.5  # without any ODOMETRY
 _PATIENCE_S: Final = 5.0
 _MODE_HZ: Final = 20.0
+_ESTIMATOR_HZ: Final = 5.0
+_HOVER_THRUST: Final = "MPC_THR_HOVER"
 
 
 class Preflight:
     """The check of one connection.
 
-    Attributes: `rate_hz` of the odometry as last measured.
+    Attributes: `rate_hz` of the odometry as last measured; `hover_thrust` of the autopilot where wanted and told;
+    `stale`, why the certificate does not hold for the vehicle as it is. `compare`: whether its parameters are set
+    beside `vehicle.parameters`; `uncertified`: whether to go on where they differ.
     """
 
-    def __init__(self, config: Config, pose: PoseSource) -> None:
+    def __init__(self, config: Config, pose: PoseSource, *, compare: bool = True, uncertified: bool = False) -> None:
         self._tick = config.tick
         self._ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._pose = pose
         self._meter = RateMeter()
         self._began_s = 0.0
         self._ask_s = 0.0
+        self._uncertified = uncertified
+        self._expected = config.vehicle.parameters if compare else {}
+        self._hover_wanted = config.vehicle.hover_thrust_source != "config"
+        wanted = [*([_HOVER_THRUST] if self._hover_wanted else []), *self._expected]
+        self._parameters = ParameterReader(*self._ids, wanted)
+        self._parameters_over = not wanted
+        self.stale: str | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -36,7 +50,11 @@ class Preflight:
 
     @property
     def passed(self) -> bool:
-        """Whether the odometry comes at `tick.floor_hz` or above."""
+        """Whether the odometry comes at `tick.floor_hz` or above, and nothing more is waited for."""
+        return self._fast and self._parameters_over and (self.stale is None or self._uncertified)
+
+    @property
+    def _fast(self) -> bool:
         return self._meter.done and self._meter.rate_hz >= self._tick.floor_hz
 
     def begin(self, now_s: float) -> None:
@@ -51,22 +69,53 @@ class Preflight:
         """The time stamp of an odometry sample."""
         self._meter.take(time_s)
 
+    def told(self, frame: Frame) -> None:
+        """A PARAM_VALUE."""
+        if not self._parameters_over:
+            self._parameters.take(frame)
+            self._judge(self._parameters.done)
+
+    @property
+    def hover_thrust(self) -> float | None:
+        """MPC_THR_HOVER, where `vehicle.hover_thrust_source` wants it and the vehicle has told it."""
+        return self._parameters.values.get(_HOVER_THRUST) if self._hover_wanted else None
+
+    def remarks(self) -> list[str]:
+        """What somebody should know before it flies, a line each."""
+        if not self._hover_wanted or self.hover_thrust is not None:
+            return []
+        return [f"the vehicle does not tell {_HOVER_THRUST}: flying with vehicle.hover_thrust"]
+
     def requests(self, now_s: float, *, heard: bool) -> list[Any]:
         """Messages to send now. `heard`: whether any odometry has come."""
         if not heard and now_s - self._began_s > _FALL_BACK_S:
             self._pose.fall_back()
+        self._judge(self._parameters.over(now_s))
+        parameters = self._parameters.requests(now_s)
         if now_s < self._ask_s:
-            return []
+            return parameters
         self._ask_s = now_s + _ASK_AGAIN_S
         rate = self._tick.rate_hz
-        wanted = [(CURRENT_MODE.message_id, _MODE_HZ), (ODOMETRY.message_id, rate)]
+        wanted = [(ODOMETRY.message_id, rate)]
         if self._pose.message != "ODOMETRY":
-            wanted[1:] = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
-        return [px4.message_interval(*self._ids, message_id, rate_hz) for message_id, rate_hz in wanted]
+            wanted = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
+        wanted = [(CURRENT_MODE.message_id, _MODE_HZ), (ESTIMATOR_STATUS.message_id, _ESTIMATOR_HZ), *wanted]
+        return parameters + [px4.message_interval(*self._ids, message_id, rate_hz) for message_id, rate_hz in wanted]
+
+    def _judge(self, over: bool) -> None:
+        if over and not self._parameters_over:
+            self._parameters_over = True
+            self.stale = stale(self._expected, self._parameters.values)
+
+    def refused(self) -> str | None:
+        """Why the vehicle must not be flown with this certificate, as one line."""
+        if self.stale is None or self._uncertified:
+            return None
+        return f"{self.stale}: set them back, or identify and check again, or fly --uncertified"
 
     def failed(self, now_s: float) -> str | None:
         """Why the vehicle is refused, as one line, once patience has ended."""
-        if now_s - self._began_s <= _PATIENCE_S:
+        if self._fast or now_s - self._began_s <= _PATIENCE_S:
             return None
         return (
             f"{self._pose.message} arrives at {self.rate_hz:.1f} Hz, tick.floor_hz is {self._tick.floor_hz:g}: "

@@ -1,4 +1,4 @@
-"""Handing the vehicle back: Hold is asked for until it is granted, and never twice where once was enough.
+"""Handing the vehicle back: the configured mode is asked for until it is seen, and never twice where once was enough.
 
 PX4 accepts DO_SET_MODE before it decides, so acceptance is not belief; but asking again after it might take the
 vehicle from a pilot who has chosen another mode meanwhile. Silence follows in any case, and PX4's failsafe knows it.
@@ -6,23 +6,35 @@ vehicle from a pilot who has chosen another mode meanwhile. Silence follows in a
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any, Final
 
-from companion.flight.port import Port
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.flight import authority
+from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
+from companion.flight.shared import Flight
+from companion.flight.telemetry import system_status
 from companion.mavlink import px4
+from companion.mavlink.codec import Frame, decode_cold
 from companion.mavlink.px4 import Mode, Result
 
 LISTEN_S: Final = 0.1  # a pilot's switch may be waiting in the queue: what the vehicle says is heard out first
 _ASK_AGAIN_S: Final = 0.25
 _PATIENCE_S: Final = 2.0
+_WALL_PATIENCE_S: Final = 15.0  # in lockstep, where time may stand still
+_WHO_S: Final = 0.3
+_MODE: Final = frozenset({HEARTBEAT.message_id, CURRENT_MODE.message_id})
+_MODES: Final = {"hold": Mode.HOLD, "land": Mode.LAND, "return": Mode.RETURN, "position": Mode.POSITION}
 
 
 class HandOver:
     """What to ask of the vehicle, and when that is over."""
 
-    def __init__(self, port: Port, ids: tuple[int, int], now_s: float) -> None:
+    def __init__(self, port: Port, ids: tuple[int, int], mode: Mode, now_s: float) -> None:
         self._port = port
-        self._request = px4.set_mode(*ids, Mode.HOLD)
+        self._request = px4.set_mode(*ids, mode)
         self._until_s = now_s + _PATIENCE_S
         self._ask_s = now_s + LISTEN_S
         self._reports = -1  # mode reports heard when last asked
@@ -43,3 +55,40 @@ class HandOver:
             return None
         self._ask_s, self._reports = now_s + _ASK_AGAIN_S, self._port.mode_reports
         return self._request
+
+
+def let_go(flight: Flight, take: Callable[[Frame], None]) -> None:
+    """Ask for the configured mode, unless somebody else has control. `take` answers the plant in lockstep."""
+    if not flight.streamed:
+        return
+    flight.send(px4.heartbeat(system_status(flight.state, flight.reason)))
+    flight.tell(f"companion: {flight.reason.value}")
+    if flight.reason in authority.TAKEN:
+        _hear_who(flight)
+        return
+    if flight.port.mode != Mode.OFFBOARD:
+        return
+    hand_over = HandOver(flight.port, flight.ids, _MODES[flight.config.release.mode], flight.clock_s())
+    gave_up_s = time.monotonic() + _WALL_PATIENCE_S
+    while not hand_over.over(flight.clock_s()) and time.monotonic() < gave_up_s:
+        request = hand_over.advance(flight.clock_s())
+        if request is not None:
+            flight.send(request)
+        for frame in flight.port.frames(flight.port.receive(), flight.time_us()):
+            if frame.message_id in _MODE:
+                flight.port.note(frame)
+            elif frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+                answer = decode_cold(frame)
+                if answer.command == mavlink.MAV_CMD_DO_SET_MODE:
+                    hand_over.acknowledged(answer.result)
+            elif flight.lockstep:
+                take(frame)  # the plant's time moves only when it is answered
+
+
+def _hear_who(flight: Flight) -> None:
+    """A heartbeat tells that the mode has changed; who changed it, the next CURRENT_MODE does. Nothing is sent."""
+    until_s = time.monotonic() + _WHO_S
+    while flight.port.intended_mode is None and not flight.lockstep and time.monotonic() < until_s:
+        for frame in flight.port.frames(flight.port.receive(), flight.time_us()):
+            if frame.message_id == CURRENT_MODE.message_id:
+                flight.port.note(frame)

@@ -30,6 +30,7 @@ class Summary(NamedTuple):
     engaged: bool  # whether control ever began
     engaged_s: float
     ticks: int
+    failsafe: bool = False  # whether a failsafe of the vehicle's own took control
 
 
 @contextmanager

@@ -5,15 +5,27 @@ from __future__ import annotations
 import math
 
 from companion.config import Config
-from companion.config.controller import AxisSection, interval
+from companion.config.controller import AdaptationRates, AxisSection, BiasSection, interval
 from companion.control.altitude import AltitudeParams
+from companion.control.hover import HoverParams
+from companion.control.limits import LimitParams
 from companion.control.mrac import AxisParams, nominal_weights, solve_lyapunov
 from companion.control.position import PositionParams
+from companion.control.setpoint import SetpointParams
 from companion.control.types import GRAVITY_M_S2
 
+_HOVER_RATE_1_S = 0.5  # of its estimate: settled in six seconds, and gusts of a second hardly move it
+_HOVER_FILTER_RAD_S = 5.0
+_HOVER_RANGE = 1.6  # the estimate stays within this factor of where it began: no load doubles in flight
+_HOVER_SLEW_1_S = 0.05
 
-def axis_params(axis: AxisSection, *, hedging: bool) -> AxisParams:
-    """(23) solved, bounds as (lower, upper), and the adaptation rate of the controller chosen."""
+
+def axis_params(axis: AxisSection, bias: BiasSection | None, *, hedging: bool) -> AxisParams:
+    """(23) solved, bounds as (lower, upper), and the adaptation rates of the controller chosen."""
+
+    def rate(rates: AdaptationRates) -> float:
+        return rates.hedged if hedging else rates.standard
+
     q1, q2 = axis.lyapunov_q
     _, p12, p22 = solve_lyapunov(axis.natural_frequency_rad_s, axis.damping_ratio, q1, q2)
     position_bound, velocity_bound = interval(axis.position_weight_bound), interval(axis.velocity_weight_bound)
@@ -21,7 +33,7 @@ def axis_params(axis: AxisSection, *, hedging: bool) -> AxisParams:
         natural_frequency_rad_s=axis.natural_frequency_rad_s,
         damping_ratio=axis.damping_ratio,
         gravity_m_s2=GRAVITY_M_S2,
-        adaptation_rate=axis.adaptation_rate.hedged if hedging else axis.adaptation_rate.standard,
+        adaptation_rate=rate(axis.adaptation_rate),
         lyapunov_12=p12,
         lyapunov_22=p22,
         position_weight_lower=position_bound[0],
@@ -29,14 +41,30 @@ def axis_params(axis: AxisSection, *, hedging: bool) -> AxisParams:
         velocity_weight_lower=velocity_bound[0],
         velocity_weight_upper=velocity_bound[1],
         hedging=hedging,
+        bias_adaptation_rate=0.0 if bias is None else rate(bias.adaptation_rate),
+        bias_bound=0.0 if bias is None else bias.bound,
+    )
+
+
+def hover_params(config: Config, hover_thrust: float) -> HoverParams:
+    """The estimator about the hover thrust it begins with; with a rate of zero where none is wanted."""
+    limits = config.controller.limits
+    estimated = config.vehicle.hover_thrust_source == "estimated"
+    return HoverParams(
+        rate_1_s=_HOVER_RATE_1_S if estimated else 0.0,
+        filter_rad_s=_HOVER_FILTER_RAD_S,
+        lower=max(hover_thrust / _HOVER_RANGE, limits.thrust_min),
+        upper=min(hover_thrust * _HOVER_RANGE, limits.thrust_max),
+        slew_1_s=_HOVER_SLEW_1_S,
+        gravity_m_s2=GRAVITY_M_S2,
     )
 
 
 def position_params(config: Config, *, hedging: bool) -> PositionParams:
     """The whole controller. A rig has no y and no altitude: theirs are placeholders that its step never uses."""
     controller, limits = config.controller, config.controller.limits
-    x = axis_params(controller.axes.x, hedging=hedging)
-    y = x if controller.axes.y is None else axis_params(controller.axes.y, hedging=hedging)
+    x = axis_params(controller.axes.x, controller.bias, hedging=hedging)
+    y = x if controller.axes.y is None else axis_params(controller.axes.y, controller.bias, hedging=hedging)
     cascade = controller.altitude
     altitude = (
         AltitudeParams(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, GRAVITY_M_S2)
@@ -57,10 +85,19 @@ def position_params(config: Config, *, hedging: bool) -> PositionParams:
         y=y,
         altitude=altitude,
         one_axis=config.vehicle.kind == "rig",
-        hover_thrust=config.vehicle.hover_thrust,
-        thrust_min=limits.thrust_min,
-        thrust_max=limits.thrust_max,
-        tilt_limit_rad=math.radians(limits.tilt_deg),
+        anchored_at_setpoint=controller.anchor == "setpoint",
+        limits=LimitParams(
+            tilt_rad=math.radians(limits.tilt_deg),
+            thrust_min=limits.thrust_min,
+            thrust_max=limits.thrust_max,
+            acceleration_m_s2=math.inf if limits.acceleration_m_s2 is None else limits.acceleration_m_s2,
+            gravity_m_s2=GRAVITY_M_S2,
+        ),
+        setpoint=SetpointParams(
+            speed_m_s=math.inf if limits.speed_m_s is None else limits.speed_m_s,
+            yaw_rate_rad_s=math.radians(limits.yaw_rate_deg_s),
+        ),
+        hover=hover_params(config, config.vehicle.hover_thrust),
     )
 
 

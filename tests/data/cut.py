@@ -1,9 +1,11 @@
 """Cut the moments worth testing out of a full PX4 recording, byte for byte.
 
     python tests/data/cut.py SOURCE.tlog OUTPUT.tlog
+    python tests/data/cut.py --replay SOURCE.tlog OUTPUT.tlog
 
-SOURCE is one of the recordings named in `WINDOWS`; OUTPUT is what stands beside this script under the same name. A tlog
-is records of an 8-byte big-endian time in microseconds and one raw MAVLink frame.
+SOURCE is one of the recordings named in `WINDOWS` or `REPLAYS`; OUTPUT is what stands beside this script under the same
+name, for a replay with `replay_` before it. A tlog is records of an 8-byte big-endian time in microseconds and one raw
+MAVLink frame. A replay holds what the flight process hears of the vehicle, without gaps but every fourth ODOMETRY only.
 """
 
 from __future__ import annotations
@@ -29,6 +31,15 @@ WINDOWS = {
     ),
     "px4_sih_attitude_p3.tlog": ((9.40, 10.50),),  # OFFBOARD entered, heartbeats of both ends
 }
+
+REPLAYS = {
+    "px4_sih_flight.tlog": (24.0, 32.0),  # the stream stops, failsafe, OFFBOARD by itself, Hold
+    "px4_sih_gps_loss.tlog": (10.5, 24.8),  # GPS lost at 13.4; the reset at 23.7 and the slide after it
+}
+_THINNED = 331  # ODOMETRY
+_KEEP_ONE_IN = 4
+_HEARD = frozenset({0, 230, 436, _THINNED})  # HEARTBEAT, ESTIMATOR_STATUS, CURRENT_MODE
+_AUTOPILOT = b"\x01\x01"
 
 _TIME = struct.Struct(">Q")
 _MAGIC_V2 = 0xFD
@@ -57,12 +68,29 @@ def cut(data: bytes, windows: tuple[tuple[float, float], ...]) -> bytes:
     return b"".join(record for time_us, record in records(data) if any(a <= time_us < b for a, b in spans))
 
 
+def replay(data: bytes, window: tuple[float, float]) -> bytes:
+    """What the flight process hears of the vehicle within the window, ODOMETRY thinned."""
+    kept, seen = [], 0
+    for _, record in records(cut(data, (window,))):
+        frame = record[_TIME.size :]
+        number = int.from_bytes(frame[7:10], "little")
+        if number not in _HEARD or frame[5:7] != _AUTOPILOT:
+            continue
+        seen += number == _THINNED
+        if number != _THINNED or seen % _KEEP_ONE_IN == 1:
+            kept.append(record)
+    return b"".join(kept)
+
+
 def main(arguments: list[str]) -> None:
     """Cut SOURCE into OUTPUT."""
-    if len(arguments) != 2 or Path(arguments[0]).name not in WINDOWS:
-        sys.exit(f"usage: cut.py SOURCE OUTPUT, SOURCE being one of {', '.join(WINDOWS)}")
-    source, output = (Path(argument) for argument in arguments)
-    output.write_bytes(cut(source.read_bytes(), WINDOWS[source.name]))
+    replayed = arguments[:1] == ["--replay"]
+    paths = [Path(argument) for argument in arguments[replayed:]]
+    names = REPLAYS if replayed else WINDOWS
+    if len(paths) != 2 or paths[0].name not in names:
+        sys.exit(f"usage: cut.py [--replay] SOURCE OUTPUT, SOURCE being one of {', '.join(names)}")
+    data, name = paths[0].read_bytes(), paths[0].name
+    paths[1].write_bytes(replay(data, REPLAYS[name]) if replayed else cut(data, WINDOWS[name]))
 
 
 if __name__ == "__main__":

@@ -1,18 +1,15 @@
-"""The transition function, as a table: the pilot comes before everything."""
-
-import math
+"""The transition function, as tables: the pilot comes before everything."""
 
 import pytest
+from pymavlink.dialects.v20 import development as mavlink
 
-from companion.config.guards import Guards, GuardSection
-from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight import guards
-from companion.flight.authority import MEANING, TAKEN, Known, Reason, State, advance
+from companion.flight.authority import MEANING, ORDINARY, TAKEN, Known, Reason, State, advance, hands_off, killed
 from companion.mavlink.px4 import Mode
 
-OFFBOARD, HOLD = int(Mode.OFFBOARD), int(Mode.HOLD)
+OFFBOARD, HOLD, RETURN = int(Mode.OFFBOARD), int(Mode.HOLD), int(Mode.RETURN)
 NOTHING = Known(connected=False, checked=False, mode=0, armed=False, fault=None)
 FLYING = Known(connected=True, checked=True, mode=OFFBOARD, armed=True, fault=None)
+KILLED = FLYING._replace(killed=True)
 
 
 @pytest.mark.parametrize(
@@ -23,50 +20,70 @@ FLYING = Known(connected=True, checked=True, mode=OFFBOARD, armed=True, fault=No
         (State.CONNECTING, NOTHING._replace(fault=Reason.NO_VEHICLE), State.RELEASED, Reason.NO_VEHICLE),
         (State.CHECKING, FLYING._replace(checked=False), State.CHECKING, None),
         (State.CHECKING, FLYING, State.STANDBY, None),
+        (State.CHECKING, FLYING._replace(hands_off=True), State.STANDBY, None),
         (State.CHECKING, FLYING._replace(fault=Reason.RATE_TOO_LOW), State.RELEASED, Reason.RATE_TOO_LOW),
         (State.STANDBY, FLYING._replace(armed=False), State.STANDBY, None),
         (State.STANDBY, FLYING._replace(mode=HOLD), State.STANDBY, None),
         (State.STANDBY, FLYING, State.ENGAGED, None),
+        (State.STANDBY, KILLED, State.STANDBY, None),
+        (State.STANDBY, FLYING._replace(hands_off=True), State.STANDBY, None),
         (State.STANDBY, FLYING._replace(fault=Reason.POSE_STALE), State.RELEASED, Reason.POSE_STALE),
         (State.ENGAGED, FLYING, State.ENGAGED, None),
         (State.ENGAGED, FLYING._replace(mode=HOLD), State.RELEASED, Reason.MODE_CHANGED),
         (State.ENGAGED, FLYING._replace(armed=False), State.RELEASED, Reason.DISARMED),
+        (State.ENGAGED, KILLED, State.RELEASED, Reason.KILLED),
+        (State.ENGAGED, KILLED._replace(mode=HOLD, armed=False, fault=Reason.TILT), State.RELEASED, Reason.KILLED),
         (State.ENGAGED, FLYING._replace(fault=Reason.POSE_STALE), State.RELEASED, Reason.POSE_STALE),
         (State.ENGAGED, FLYING._replace(mode=HOLD, fault=Reason.POSE_STALE), State.RELEASED, Reason.MODE_CHANGED),
         (State.ENGAGED, FLYING._replace(armed=False, fault=Reason.OPERATOR), State.RELEASED, Reason.DISARMED),
         (State.RELEASED, FLYING, State.RELEASED, None),
+        (State.RELEASED, FLYING._replace(fault=Reason.OPERATOR), State.RELEASED, None),
     ],
 )
 def test_transitions(state: State, known: Known, expected: State, reason: Reason | None) -> None:
     assert advance(state, known) == (expected, reason)
 
 
-def test_every_reason_has_a_meaning() -> None:
+@pytest.mark.parametrize("fault", Reason)
+def test_every_fault_ends_control_and_none_goes_before_the_pilot(fault: Reason) -> None:
+    assert advance(State.ENGAGED, FLYING._replace(fault=fault)) == (State.RELEASED, fault)
+    for pilot, reason in (({"mode": HOLD}, Reason.MODE_CHANGED), ({"armed": False}, Reason.DISARMED)):
+        assert advance(State.ENGAGED, FLYING._replace(fault=fault, **pilot)) == (State.RELEASED, reason)
+
+
+@pytest.mark.parametrize(
+    ("before", "mode", "intended", "armed", "expected"),
+    [
+        (None, HOLD, HOLD, True, False),  # in another mode because it was told so: stream, and wait for the switch
+        (None, HOLD, None, True, None),  # not told yet what it was told
+        (None, HOLD, None, False, False),  # disarmed: nothing to disturb
+        (None, OFFBOARD, OFFBOARD, False, False),
+        (None, OFFBOARD, None, True, True),  # flown by somebody, perhaps ourselves before a restart
+        (None, OFFBOARD, OFFBOARD, True, True),
+        (None, RETURN, OFFBOARD, True, True),  # its failsafe flies; a stream would bring OFFBOARD back
+        (True, RETURN, OFFBOARD, True, True),
+        (True, RETURN, None, True, True),  # a heartbeat alone does not tell a failsafe from a pilot
+        (True, RETURN, RETURN, True, False),
+        (True, HOLD, HOLD, True, False),
+        (True, OFFBOARD, OFFBOARD, False, False),
+        (False, OFFBOARD, OFFBOARD, True, False),  # the pilot's switch, after we were ready
+    ],
+)
+def test_hands_off_what_flew_offboard_before_us(
+    before: bool | None, mode: int, intended: int | None, armed: bool, expected: bool | None
+) -> None:
+    assert hands_off(before, mode, intended, armed=armed) is expected
+
+
+def test_kill_and_termination_show_in_the_system_status_or_the_mode() -> None:
+    assert killed(OFFBOARD, mavlink.MAV_STATE_FLIGHT_TERMINATION)
+    assert killed(int(Mode.TERMINATION), mavlink.MAV_STATE_ACTIVE)
+    assert not killed(OFFBOARD, mavlink.MAV_STATE_ACTIVE)
+    assert not killed(HOLD, mavlink.MAV_STATE_CRITICAL)
+
+
+def test_every_reason_has_a_meaning_and_its_place() -> None:
     assert set(MEANING) == set(Reason)
-    assert {Reason.MODE_CHANGED, Reason.DISARMED} == TAKEN
-
-
-def test_guards_have_limits_and_can_be_switched_off() -> None:
-    on = guards.limits(Guards())
-    assert guards.broken(on, 0.2, 2.9) is None
-    assert guards.broken(on, 0.26, 0.0) is Reason.POSE_STALE
-    assert guards.broken(on, 0.0, 3.1) is Reason.HEARTBEAT_LOST
-    off = guards.limits(Guards(pose_age_s=GuardSection(enabled=False, limit=0.1)))
-    assert guards.broken(off, 100.0, 0.0) is None
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("place", range(5))
-def test_not_a_number_is_seen_in_every_place(bad: float, place: int) -> None:
-    values = [0.5] * 5
-    assert guards.all_finite(AttitudeSetpoint(*values))
-    values[place] = bad
-    assert not guards.all_finite(AttitudeSetpoint(*values))
-
-
-@pytest.mark.parametrize("q", [(0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0)])
-def test_a_pose_without_a_unit_quaternion_is_not_valid(q: tuple[float, float, float, float]) -> None:
-    good = Odometry(1.0, 0.1, 0.2, -1.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.8, 0.0)
-    assert guards.valid_pose(good)
-    assert not guards.valid_pose(good._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3]))
-    assert not guards.valid_pose(good._replace(vy_m_s=math.inf))
+    assert all(meaning and "\n" not in meaning for meaning in MEANING.values())
+    assert {Reason.MODE_CHANGED, Reason.DISARMED, Reason.KILLED} == TAKEN
+    assert {Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED} == ORDINARY

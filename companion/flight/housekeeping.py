@@ -1,0 +1,137 @@
+"""Everything slow, ten times a second beside the loop: heartbeats, the check before stand-by, engagement, requests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.flight.authority import Reason, State
+from companion.flight.delay import INTERVAL_S, TIMESYNC
+from companion.flight.engage import Engagement, Seen
+from companion.flight.estimator import ESTIMATOR_STATUS, FLAGS, missing_flags
+from companion.flight.parameters import PARAM_VALUE
+from companion.flight.runtime import Status
+from companion.flight.service import Notifier
+from companion.flight.shared import Flight
+from companion.flight.telemetry import GroundStation, system_status
+from companion.mavlink import px4
+from companion.mavlink.codec import Frame, decode_cold
+
+PERIOD_S: Final = 0.1
+_HEARTBEAT_S: Final = 1.0
+_CALL_S: Final = 0.2  # between heartbeats until the vehicle has answered
+_FLUSH_S: Final = 0.25  # of the log: what a kill -9 loses
+
+
+class Housekeeping:
+    """Attribute: `due_s`, on the clock that `keep` is called with."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        engagement: Engagement | None,
+        notifier: Notifier | None,
+        on_status: Callable[[Status], None] | None,
+    ) -> None:
+        self._flight = flight
+        self._notifier = notifier
+        self._ground_station = GroundStation(one_axis=flight.config.vehicle.kind == "rig")
+        self._engagement = engagement
+        self._on_status = on_status
+        self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
+        self.due_s = 0.0
+
+    def restart(self) -> None:
+        """From here on the clock is another one."""
+        self.due_s = self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
+
+    def take(self, frame: Frame) -> None:
+        """A frame of the vehicle that tells neither pose nor mode."""
+        flight, number = self._flight, frame.message_id
+        if number == TIMESYNC.message_id:
+            flight.delay.answered(frame, flight.clock_s())
+        elif number == ESTIMATOR_STATUS.message_id:
+            flight.watch.missing_flags = missing_flags(ESTIMATOR_STATUS.unpack(frame.payload)[FLAGS])
+        elif number == PARAM_VALUE:
+            flight.preflight.told(frame)
+        elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
+            answer = decode_cold(frame)
+            self._engagement.acknowledged(answer.command, answer.result)
+
+    def keep(self, clock_s: float, wall_s: float) -> None:
+        """What is due at `clock_s`."""
+        flight = self._flight
+        state, port = flight.state, flight.port
+        self.due_s = clock_s + PERIOD_S
+        if clock_s >= self._heartbeat_s:
+            self._heartbeat_s = clock_s + (_HEARTBEAT_S if port.connected else _CALL_S)
+            alarmed = state is State.ENGAGED and flight.watch.alarmed
+            flight.send(px4.heartbeat(mavlink.MAV_STATE_CRITICAL if alarmed else system_status(state)))
+        if state is State.CONNECTING:
+            self._connect(wall_s)
+        elif state is State.CHECKING:
+            self._check()
+        elif state is State.STANDBY and self._engagement is not None:
+            self._engage(self._engagement)
+        if flight.sample is not None and state is not State.RELEASED and clock_s >= self._timesync_s:
+            self._timesync_s = clock_s + INTERVAL_S
+            flight.send(flight.delay.request(flight.clock_s()))
+        if state is State.ENGAGED and flight.tick:
+            for message in self._ground_station.messages(flight.tick):
+                flight.send(message)
+        if self._notifier is not None:
+            self._notify(self._notifier, wall_s)
+        if self._on_status is not None:
+            pilot, rate = flight.pilot, flight.preflight.rate_hz
+            self._on_status(Status(state, port.mode, port.armed, pilot.elapsed_s, rate, pilot.error_m))
+        if clock_s >= self._flush_s:  # seldom: waking the writer costs as much as ten ticks
+            self._flush_s = clock_s + _FLUSH_S
+            flight.recorder.flush()
+
+    def _notify(self, notifier: Notifier, wall_s: float) -> None:
+        """Readiness is stand-by; the watchdog is fed by ticks once there are any to come."""
+        flight = self._flight
+        if flight.state in (State.STANDBY, State.ENGAGED):
+            notifier.ready(flight.state.name.lower())
+        else:
+            notifier.status(flight.state.name.lower())
+        notifier.feed(wall_s, flight.ticks, due=flight.state is State.ENGAGED)
+
+    def _connect(self, wall_s: float) -> None:
+        flight = self._flight
+        patience_s = flight.config.link.connect_timeout_s
+        if wall_s - flight.began_wall_s > patience_s:
+            system, component = flight.ids
+            doubt = flight.port.doubt()
+            flight.refuse(
+                Reason.NO_VEHICLE,
+                f"no heartbeat of vehicle {system}/{component} within {patience_s:g} s: "
+                "check the link and vehicle.system_id" + (f" ({doubt})" if doubt else ""),
+            )
+
+    def _check(self) -> None:
+        flight = self._flight
+        for request in flight.preflight.requests(flight.now_s, heard=flight.sample is not None):
+            flight.send(request)
+        refused = flight.preflight.refused()
+        if refused is not None:
+            flight.refuse(Reason.CERTIFICATE_STALE, refused)
+        failed = flight.preflight.failed(flight.now_s)
+        if failed is not None:
+            flight.refuse(Reason.RATE_TOO_LOW, failed)
+
+    def _engage(self, engagement: Engagement) -> None:
+        flight, sample = self._flight, self._flight.sample
+        if flight.aloof:  # what is armed and flying OFFBOARD is not ours to engage, now or after it has landed
+            self._engagement = None
+            return
+        if sample is None:
+            return
+        seen = Seen(flight.port.mode, flight.port.armed, flight.speed_m_s, flight.ground_z_m - sample.z_m)
+        message, failed = engagement.advance(flight.now_s, seen)
+        if message is not None:
+            flight.send(message)
+        if failed is not None:
+            flight.refuse(Reason.ENGAGE_REFUSED, f"the vehicle did not {failed}")

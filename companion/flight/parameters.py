@@ -1,0 +1,128 @@
+"""The vehicle's parameters over our own link: asked for by name, collected, and set beside what was certified.
+
+Plain PARAM_REQUEST_READ, no mavsdk: the flying process needs a handful of values once, before stand-by, and a library
+with threads of its own is no company for the loop. An int32 travels bytewise in the float field
+(https://mavlink.io/en/services/parameter.html#parameter-encoding). PX4 answers an unknown name with silence.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.mavlink.codec import Frame, decode_cold
+
+PARAM_VALUE: Final = mavlink.MAVLINK_MSG_ID_PARAM_VALUE
+
+_AT_ONCE: Final = 4  # requests a call: what a slow serial line takes beside the set-points
+_ASK_AGAIN_S: Final = 0.5
+_PATIENCE_S: Final = 5.0
+_FORMATS: Final[Mapping[int, str]] = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
+}
+
+
+class Difference(NamedTuple):
+    """A parameter that is not what it was when the attitude response was identified; `found` is None if untold."""
+
+    name: str
+    expected: float
+    found: float | None
+
+    def __str__(self) -> str:
+        if self.found is None:
+            return f"the vehicle does not tell {self.name}"
+        return f"{self.name} is {self.found:g}, was {self.expected:g}"
+
+
+def parameter(frame: Frame) -> tuple[str, int | float] | None:
+    """Name and value of a PARAM_VALUE; None for one of a type that PX4 does not have.
+
+    The four bytes are read as they came: as a float an int32 that looks like a NaN would not survive.
+    """
+    message = decode_cold(frame)
+    layout = _FORMATS.get(message.param_type)
+    if layout is None:
+        return None
+    (value,) = struct.unpack(layout, frame.payload[:4].ljust(4, b"\0"))
+    return message.param_id, value
+
+
+class ParameterReader:
+    """Reads some parameters of one autopilot, whatever the link loses.
+
+    Attributes: `values` by name, as far as they have been told.
+    """
+
+    def __init__(self, system_id: int, component_id: int, names: Iterable[str]) -> None:
+        self._ids = (system_id, component_id)
+        self._asked_s = dict.fromkeys(names, -math.inf)
+        self._began_s: float | None = None
+        self.values: dict[str, int | float] = {}
+
+    @property
+    def missing(self) -> list[str]:
+        """Names not told yet."""
+        return [name for name in self._asked_s if name not in self.values]
+
+    @property
+    def done(self) -> bool:
+        """Whether every one has been told."""
+        return len(self.values) == len(self._asked_s)
+
+    def over(self, now_s: float) -> bool:
+        """Whether there is nothing left to wait for: all told, or the patience at its end."""
+        return self.done or (self._began_s is not None and now_s - self._began_s > _PATIENCE_S)
+
+    def requests(self, now_s: float) -> list[Any]:
+        """PARAM_REQUEST_READ messages to send now: a few at a time, each again while it stays unanswered."""
+        if self.over(now_s):
+            return []
+        if self._began_s is None:
+            self._began_s = now_s
+        due = [name for name in self.missing if now_s - self._asked_s[name] >= _ASK_AGAIN_S][:_AT_ONCE]
+        for name in due:
+            self._asked_s[name] = now_s
+        return [mavlink.MAVLink_param_request_read_message(*self._ids, name.encode(), -1) for name in due]
+
+    def take(self, frame: Frame) -> bool:
+        """A PARAM_VALUE; whether it was one of those asked for."""
+        told = parameter(frame)
+        if told is None or told[0] not in self._asked_s:
+            return False
+        self.values[told[0]] = told[1]
+        return True
+
+
+def differences(expected: Mapping[str, float], found: Mapping[str, float]) -> list[Difference]:
+    """What is not as expected, in the order of `expected`. Equal means equal as the 32 bits of the vehicle's store."""
+    return [
+        Difference(name, value, found.get(name)) for name, value in expected.items() if not same(value, found.get(name))
+    ]
+
+
+def same(expected: float, found: float | None) -> bool:
+    """Whether a value is what the vehicle stores for `expected`."""
+    if found is None:
+        return False
+    if isinstance(found, int):
+        return found == expected
+    return math.isclose(expected, found, rel_tol=1e-6, abs_tol=1e-12)  # float32 keeps seven digits
+
+
+def stale(expected: Mapping[str, float], found: Mapping[str, float]) -> str | None:
+    """Why the certificate does not hold for the vehicle as it is, as one line; None when it does."""
+    changed = differences(expected, found)
+    if not changed:
+        return None
+    return f"the certificate is stale, its attitude response was identified otherwise: {', '.join(map(str, changed))}"
