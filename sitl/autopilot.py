@@ -13,12 +13,15 @@ from typing import Final, NamedTuple
 
 from companion.mavlink.px4 import Result
 from sitl.commander import Commander
-from sitl.geodesy import GlobalPosition, to_local
-from sitl.modes import AUTO_MODES, STICK_MODES, LandedState, Mode, Severity, from_main_sub
+from sitl.estimator import turned
+from sitl.health import NOMINAL
+from sitl.modes import AUTO_MODES, STICK_MODES, LandedState, Mode, Severity
 from sitl.navigator import Home, Navigator
+from sitl.obedience import Obedience
 from sitl.parameters import Parameters
 from sitl.position_hold import AttitudeThrust, attitude_from_acceleration
-from sitl.vehicle import Vehicle, VehicleState
+from sitl.requests import CUSTOM_MODE_ENABLED, Command, Requests
+from sitl.vehicle import Quadrotor, Vehicle, VehicleState
 
 PHYSICS_DT_US: Final = 1_000
 CONTROL_DT_US: Final = 10_000
@@ -30,28 +33,12 @@ THROTTLE_IGNORE: Final = 0x40
 THRUST_BODY_SET: Final = 0x20
 ROLL_OR_PITCH_RATE_IGNORE: Final = 0x03
 
-FORCE: Final = 21196  # MAV_CMD_COMPONENT_ARM_DISARM, parameter 2
-CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG
-
 
 class Notice(NamedTuple):
     """One STATUSTEXT."""
 
     severity: Severity
     text: str
-
-
-class Command(NamedTuple):
-    """A MAV_CMD with its seven parameters; 5 and 6 in degrees where they are a place."""
-
-    number: int
-    p1: float = 0.0
-    p2: float = 0.0
-    p3: float = 0.0
-    p4: float = 0.0
-    p5: float = 0.0
-    p6: float = 0.0
-    p7: float = 0.0
 
 
 class Autopilot:
@@ -65,6 +52,12 @@ class Autopilot:
         reset_counter: of the estimator, for ODOMETRY.
         notices: status texts nobody has taken yet.
         estimate: what the autopilot believes about its state; the truth unless replaced.
+        heading_error_rad: of the estimate, which the attitude loop turns the vehicle by.
+        health: what the estimator says of itself.
+        stamp_us: what ODOMETRY says the time is, from the time; the time itself unless replaced.
+        obedience: how it takes requests; `None` for a healthy autopilot.
+        on_control, on_setpoint: called with the time at every control step, and with every set-point that is executed
+            (attitude, thrust, type mask), before they take effect.
     """
 
     def __init__(self, vehicle: Vehicle, parameters: Parameters | None = None) -> None:
@@ -74,27 +67,20 @@ class Autopilot:
         self.reset_counter = 0
         self.notices: deque[Notice] = deque(maxlen=32)
         self.estimate: Callable[[], VehicleState] = lambda: vehicle.state
+        self.heading_error_rad = 0.0
+        self.health = NOMINAL
+        self.stamp_us: Callable[[int], int] | None = None
+        self.obedience: Obedience | None = None
+        self.on_control: Callable[[int], None] | None = None
+        self.on_setpoint: Callable[[tuple[float, float, float, float], float, int], None] | None = None
         self.commander = Commander(self.parameters, vehicle.can_fly, self._notify)
         self.navigator = Navigator(self.parameters, vehicle.hover_thrust, vehicle.can_fly)
         self.home = Home(vehicle.state.position_ned_m, vehicle.state.q_wxyz, 0)
         self.setpoint = AttitudeThrust(vehicle.state.q_wxyz, 0.0)
         self._next_control_us = 0
         self._flying_mode = self.commander.mode
-        self._takeoff_altitude_m: float | None = None
         self._contact_since_us: int | None = 0
-        self._commands: dict[int, Callable[[Command], tuple[Result, ...]]] = {
-            20: lambda _: self._switch(Mode.RTL),
-            21: lambda _: self._switch(Mode.LAND, force=True),
-            22: self._take_off,
-            176: self._set_mode,
-            179: self._set_home,
-            185: self._terminate,
-            192: self._reposition,
-            245: self._storage,
-            246: self._reboot,
-            400: self._arm_disarm,
-            401: lambda _: (Result.ACCEPTED,),
-        }
+        self._requests = Requests(self)
 
     # --- time -------------------------------------------------------------------------------------------------------
 
@@ -110,6 +96,8 @@ class Autopilot:
                 self._control()
                 self._next_control_us = now + CONTROL_DT_US
             q_wxyz, thrust = self.setpoint
+            if self.heading_error_rad:
+                q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
             while now <= until:
                 step(q_wxyz, thrust, dt_s)
@@ -118,16 +106,21 @@ class Autopilot:
 
     def _control(self) -> None:
         commander, vehicle = self.commander, self.vehicle
+        if self.on_control is not None:
+            self.on_control(self.time_us)
+        if self.obedience is not None:
+            for late in self.obedience.due(self.time_us):
+                commander.request(late, self.time_us)
         self._detect_landing()
         commander.update(self.time_us)
-        if not commander.armed or commander.mode is Mode.TERMINATION:
-            self._follow_mode()
+        if not commander.armed or commander.mode is Mode.TERMINATION or commander.killed:
+            self.follow_mode()
             self.setpoint = AttitudeThrust(self.setpoint.q_wxyz, 0.0)
             return
-        self._follow_mode()
+        self.follow_mode()
         if self.navigator.takeoff_reached and commander.mode is Mode.TAKEOFF:
             commander.request(Mode.HOLD, self.time_us, force=True)
-            self._follow_mode()
+            self.follow_mode()
         mode = commander.mode
         if mode is Mode.OFFBOARD:
             return  # the last set-point stands until another comes or COM_OF_LOSS_T has passed
@@ -143,13 +136,6 @@ class Autopilot:
             on_ground=vehicle.on_ground(),
             armed_at_us=commander.armed_at_us,
         )
-
-    def _follow_mode(self) -> None:
-        mode = self.commander.mode
-        if mode is not self._flying_mode:
-            self._flying_mode = mode
-            altitude, self._takeoff_altitude_m = self._takeoff_altitude_m, None
-            self.navigator.enter(mode, self.estimate(), self.home, self.time_us, altitude)
 
     def _detect_landing(self) -> None:
         commander, now = self.commander, self.time_us
@@ -168,6 +154,21 @@ class Autopilot:
         elif now - self._contact_since_us >= LAND_DETECTION_US:
             commander.landed = True
             self._notify(Severity.INFO, "Landing detected")
+
+    def start_in_air(self, altitude_m: float, settle_s: float = 0.0) -> None:
+        """Begin in Hold, armed, at an altitude over the ground, so that a flight need not begin with a take-off.
+
+        `settle_s`: for how long Hold has flown already, which settles its integrals. A rig starts where it stands.
+        """
+        now_us, self.time_us = self.time_us, self.time_us - round(1e6 * settle_s)
+        self._next_control_us = self.time_us
+        self.commander.start_in_air(self.time_us)
+        if isinstance(self.vehicle, Quadrotor):
+            self.home = Home(self.vehicle.state.position_ned_m, self.vehicle.state.q_wxyz, now_us)
+            self.vehicle.lift_to(-altitude_m)
+        self._flying_mode = Mode.HOLD
+        self.navigator.enter(Mode.HOLD, self.estimate(), self.home, self.time_us)
+        self.advance(now_us)
 
     # --- what it tells ----------------------------------------------------------------------------------------------
 
@@ -195,7 +196,7 @@ class Autopilot:
     def system_status(self) -> int:
         """HEARTBEAT.system_status (MAV_STATE)."""
         commander = self.commander
-        if commander.mode is Mode.TERMINATION:
+        if commander.mode is Mode.TERMINATION or commander.killed:
             return 8
         if commander.armed:
             return 5 if commander.failsafe else 4
@@ -212,6 +213,8 @@ class Autopilot:
         nothing finite stand still, so it too means zero thrust here. Body rates alone keep OFFBOARD alive; the plant
         does not fly them.
         """
+        if self.on_setpoint is not None:
+            self.on_setpoint(q_wxyz, thrust, type_mask)
         attitude = not type_mask & ATTITUDE_IGNORE
         if not attitude and type_mask & ROLL_OR_PITCH_RATE_IGNORE:
             return
@@ -219,7 +222,7 @@ class Autopilot:
         commander.setpoint_arrived(self.time_us)
         if commander.user_mode is Mode.OFFBOARD and commander.mode is not Mode.OFFBOARD:
             commander.update(self.time_us)  # the stream is back: OFFBOARD again, from whatever the failsafe flew
-        if not attitude or commander.mode is not Mode.OFFBOARD or not commander.armed:
+        if not attitude or commander.mode is not Mode.OFFBOARD or not commander.armed or commander.killed:
             return
         if type_mask & (THROTTLE_IGNORE | THRUST_BODY_SET):
             thrust = 0.0
@@ -232,92 +235,23 @@ class Autopilot:
         self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
 
     def on_command(self, command: Command) -> tuple[Result, ...]:
-        """Execute a command; every answer PX4 sends, in order.
-
-        DO_SET_MODE has two: the link says ACCEPTED before the commander decides.
-        """
-        execute = self._commands.get(command.number)
-        if execute is None:
-            return (Result.UNSUPPORTED,)
-        results = execute(command)
-        self._follow_mode()
-        self._takeoff_altitude_m = None
-        return results
+        """Execute a command; every answer PX4 sends, in order."""
+        return self._requests.execute(command)
 
     def set_mode(self, base_mode: int, main_mode: int, sub_mode: int) -> Result:
         """The decision on DO_SET_MODE, and on the SET_MODE message."""
-        if not base_mode & CUSTOM_MODE_ENABLED:
-            mode: Mode | None = Mode.POSCTL if base_mode & 64 else None
-        else:
-            mode = from_main_sub(main_mode, sub_mode)
-        if mode is None:
-            return Result.TEMPORARILY_REJECTED
-        return self._switch(mode, force=mode is Mode.LAND)[0]
+        return self._requests.set_mode(base_mode, main_mode, sub_mode)
 
-    def _switch(self, mode: Mode, *, force: bool = False) -> tuple[Result]:
-        granted = self.commander.request(mode, self.time_us, force=force)
-        return (Result.ACCEPTED if granted else Result.TEMPORARILY_REJECTED,)
+    def switch(self, mode: Mode, *, force: bool = False) -> Result:
+        """A request for a mode, whoever makes it."""
+        return self._requests.switch(mode, force=force)
 
-    def _set_mode(self, command: Command) -> tuple[Result, ...]:
-        return Result.ACCEPTED, self.set_mode(_whole(command.p1), _whole(command.p2), _whole(command.p3))
-
-    def _take_off(self, command: Command) -> tuple[Result, ...]:
-        if math.isfinite(command.p7) and command.p7 > 0.0:
-            down = to_local(GlobalPosition(0.0, 0.0, command.p7))[2]
-            self._takeoff_altitude_m = self.home.position_ned_m[2] - down
-        return self._switch(Mode.TAKEOFF)
-
-    def _arm_disarm(self, command: Command) -> tuple[Result, ...]:
-        now, force = self.time_us, _whole(command.p2) == FORCE
-        action = _whole(command.p1)
-        if action == 1:
-            was_armed = self.commander.armed
-            done = self.commander.arm(now)  # by command the checks run even if forced
-            if done and not was_armed:
-                state = self.estimate()
-                self.home = Home(state.position_ned_m, state.q_wxyz, now)
-                self.navigator.enter(self.commander.mode, state, self.home, now)
-        elif action == 0:
-            done = self.commander.disarm(now, "command", force=force)
-        else:
-            return (Result.UNSUPPORTED,)
-        return (Result.ACCEPTED if done else Result.TEMPORARILY_REJECTED,)
-
-    def _terminate(self, command: Command) -> tuple[Result, ...]:
-        if command.p1 <= 0.5 or not self.commander.armed:
-            return (Result.DENIED,)
-        return self._switch(Mode.TERMINATION, force=True)
-
-    def _reposition(self, command: Command) -> tuple[Result, ...]:
-        if _whole(command.p2) != 1:
-            return (Result.UNSUPPORTED,)
-        result = self._switch(Mode.HOLD)
-        if result[0] is Result.ACCEPTED:
-            self._follow_mode()
-            here = self.navigator.target_ned_m
-            place = to_local(GlobalPosition(command.p5, command.p6, command.p7))
-            target = [wanted if math.isfinite(wanted) else now for wanted, now in zip(place, here, strict=True)]
-            self.navigator.go_to((target[0], target[1], target[2]), command.p4 if math.isfinite(command.p4) else None)
-        return result
-
-    def _set_home(self, command: Command) -> tuple[Result, ...]:
-        position = self.estimate().position_ned_m
-        if command.p1 <= 0.5:
-            position = to_local(GlobalPosition(command.p5, command.p6, command.p7))
-            if not all(map(math.isfinite, position)):
-                return (Result.DENIED,)
-        self.home = Home(position, self.estimate().q_wxyz, self.time_us)
-        return (Result.ACCEPTED,)
-
-    def _storage(self, _: Command) -> tuple[Result, ...]:
-        return (Result.TEMPORARILY_REJECTED if self.commander.armed else Result.ACCEPTED,)
-
-    def _reboot(self, command: Command) -> tuple[Result, ...]:
-        return (Result.ACCEPTED if _whole(command.p1) == 0 else Result.DENIED,)
+    def follow_mode(self, takeoff_altitude_m: float | None = None) -> None:
+        """Let the navigator begin what the commander has decided. `takeoff_altitude_m`: above home."""
+        mode = self.commander.mode
+        if mode is not self._flying_mode:
+            self._flying_mode = mode
+            self.navigator.enter(mode, self.estimate(), self.home, self.time_us, takeoff_altitude_m)
 
     def _notify(self, severity: Severity, text: str) -> None:
         self.notices.append(Notice(severity, text))
-
-
-def _whole(value: float) -> int:
-    return round(value) if math.isfinite(value) else -1

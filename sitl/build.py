@@ -1,13 +1,34 @@
-"""From the `plant` section of a config to a vehicle."""
+"""From the `plant` section of a config to a plant."""
 
 from __future__ import annotations
 
-from companion.config import Config
-from companion.config.plant import Angle, Cascade, QuadrotorPlant, RigPlant
+import math
+import struct
+from random import Random
+from typing import NamedTuple
+
+from companion.config import Config, ConfigError
+from companion.config.plant import (
+    Angle,
+    Cascade,
+    DirectionSection,
+    QuadrotorPlant,
+    RadioSection,
+    RigPlant,
+    SensorsSection,
+    WindSection,
+)
 from sitl.attitude_loop import AngleGains, RateGains, Response
+from sitl.autopilot import Autopilot
+from sitl.environment import Environment, Turbulence, Wind
+from sitl.estimator import Estimator, Lag, Noise
+from sitl.impairments import Channel, Impairments
+from sitl.parameters import PX4_DEFAULTS, Parameters
 from sitl.quadrotor import QuadrotorParams
 from sitl.rig import RigParams
 from sitl.vehicle import Quadrotor, Rig, Vehicle
+from sitl.wind import Gust
+from sitl.wire import Channels
 
 _NO_RESPONSE = Response(1.0, 0.0, 0.0)
 _NO_RATE_LOOP = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
@@ -68,8 +89,94 @@ def build_vehicle(config: Config) -> Vehicle:
     plant = config.plant
     if plant is None:
         raise ValueError("the config has no plant section: there is nothing to simulate")
-    hover, delay = config.vehicle.hover_thrust, plant.setpoint_delay_s
+    hover, delay, mismatch = config.vehicle.hover_thrust, plant.setpoint_delay_s, plant.mismatch
     if plant.rig is not None:
         return Rig(rig_params(plant.rig), hover, delay)
     assert plant.quadrotor is not None  # the schema holds exactly one
-    return Quadrotor(quadrotor_params(plant.quadrotor), hover, delay)
+    believed = quadrotor_params(plant.quadrotor)
+    true = believed._replace(
+        mass_kg=mismatch.mass * believed.mass_kg, drag_n_s2_m2=mismatch.drag * believed.drag_n_s2_m2
+    )
+    return Quadrotor(true, hover, delay, thrust_factor=mismatch.thrust / mismatch.mass)
+
+
+class World(NamedTuple):
+    """An autopilot with all that may go wrong around it; `None` where nothing does."""
+
+    autopilot: Autopilot
+    environment: Environment | None
+    estimator: Estimator | None
+    channels: Channels | None
+
+
+def plant_parameters(config: Config) -> Parameters:
+    """PX4's parameters as the config has them, the gains of its attitude response included. Raises `ConfigError`."""
+    assert config.plant is not None  # the caller has checked
+    ids = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
+    identified = {
+        name: type(PX4_DEFAULTS[name])(value)
+        for name, value in config.vehicle.parameters.items()
+        if name in PX4_DEFAULTS
+    }
+    hover = {"MPC_THR_HOVER": config.vehicle.hover_thrust}
+    try:
+        return Parameters({**hover, **identified, **config.plant.parameters, **ids})
+    except KeyError as error:
+        raise ConfigError(f"plant.parameters: the plant has no parameter {error}") from None
+    except TypeError as error:
+        raise ConfigError(f"plant.parameters: {error}") from None
+    except (OverflowError, struct.error):
+        raise ConfigError("plant.parameters: a value does not fit into 32 bits") from None
+
+
+def build_world(config: Config, *, complete: bool = False) -> World:
+    """The plant of a config: only what its `plant` section asks for, or, `complete`, everything, harmless as yet.
+
+    Raises `ConfigError`; `ValueError` when there is no `plant` section.
+    """
+    vehicle = build_vehicle(config)
+    plant = config.plant
+    assert plant is not None
+    autopilot = Autopilot(vehicle, plant_parameters(config))
+
+    def random(name: str) -> Random:
+        return Random(f"{plant.seed} {name}")  # one each, so that one fault does not change another's luck
+
+    environment = estimator = channels = None
+    if complete or plant.wind is not None or plant.battery_sag_1_s:
+        environment = Environment(vehicle, random("environment"), wind(plant.wind), plant.battery_sag_1_s)
+        stepped = environment
+        autopilot.on_control = lambda now_us: stepped.step(1e-6 * now_us)
+    if complete or plant.sensors is not None:
+        sensors = plant.sensors or SensorsSection()
+        estimator = Estimator(
+            lambda: vehicle.state,
+            lambda: autopilot.time_us,
+            random("estimator"),
+            Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
+            Lag(sensors.delay_s, sensors.jitter_s),
+        )
+        autopilot.estimate = estimator
+    if complete or plant.link is not None:
+        link = plant.link or RadioSection()
+        channels = Channels(
+            Channel(random("down"), impairments(link.down)), Channel(random("up"), impairments(link.up))
+        )
+    return World(autopilot, environment, estimator, channels)
+
+
+def wind(section: WindSection | None) -> Wind | None:
+    """The wind that a config describes."""
+    if section is None:
+        return None
+    gust, turbulence = section.gust, section.turbulence
+    return Wind(
+        section.mean_ned_m_s,
+        None if gust is None else Gust(gust.peak_ned_m_s, gust.start_s, gust.rise_s, gust.hold_s, gust.every_s),
+        None if turbulence is None else Turbulence(turbulence.wind_at_20_ft_m_s, turbulence.altitude_m),
+    )
+
+
+def impairments(section: DirectionSection) -> Impairments:
+    """What a config says about one direction of the link."""
+    return Impairments(**section.model_dump())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import struct
 from pathlib import Path
 
 from rich.console import Console
@@ -16,13 +15,14 @@ from companion.config import Config, ConfigError
 from companion.flight.authority import Reason
 from companion.flight.runtime import Status
 from companion.mavlink.link import LinkError
+from companion.mavlink.signing import read_key
 from companion.record.folder import new_folder
-from sitl.autopilot import Autopilot
-from sitl.build import build_vehicle
+from sitl.build import build_world
+from sitl.clocks import LockstepTimeoutError
 from sitl.experiment import ExperimentError, Job, Outcome, fly_all, realtime_factor
-from sitl.parameters import Parameters
+from sitl.log_download import read_log
 from sitl.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
-from sitl.server import LockstepTimeoutError, serve
+from sitl.server import serve
 
 PX4_ONBOARD_PORT = 14580
 
@@ -30,15 +30,14 @@ PX4_ONBOARD_PORT = 14580
 def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
     """The plant alone, until a signal stops it. Its first line on stdout tells where it is."""
     assert config.plant is not None  # the caller has checked
-    ids = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
     try:
-        parameters = Parameters({"MPC_THR_HOVER": config.vehicle.hover_thrust, **config.plant.parameters, **ids})
-    except KeyError as error:
-        raise ConfigError(f"{arguments.config}: plant.parameters: the plant has no parameter {error}") from None
-    except TypeError as error:
-        raise ConfigError(f"{arguments.config}: plant.parameters: {error}") from None
-    except (OverflowError, struct.error):
-        raise ConfigError(f"{arguments.config}: plant.parameters: a value does not fit into 32 bits") from None
+        world = build_world(config)
+    except ConfigError as error:
+        raise ConfigError(f"{arguments.config}: {error}") from None
+    try:
+        logs = [read_log(path) for path in arguments.log or ()]
+    except OSError as error:
+        raise ConfigError(f"--log {error.filename}: {error.strerror}") from None
     port = PX4_ONBOARD_PORT if arguments.port is None else arguments.port
     station_port = arguments.gcs_port
     if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
@@ -46,11 +45,14 @@ def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
     try:
         first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
         serve(
-            Autopilot(build_vehicle(config), parameters),
+            world.autopilot,
             # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
             [first] if arguments.lockstep else [first, GROUND_STATION._replace(port=station_port)],
             lockstep=arguments.lockstep,
             on_ready=lambda bound: print(f"plant ready: {arguments.link or f'udp port {bound}'}", flush=True),
+            logs=logs,
+            channels=world.channels,
+            signing_key=None if config.link.signing_key_file is None else read_key(config.link.signing_key_file),
         )
     except (OSError, ValueError) as error:
         reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)

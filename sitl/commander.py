@@ -8,11 +8,14 @@ so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebo
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 from sitl.modes import PREVENT_ARMING, STICK_MODES, Mode, Severity
 from sitl.parameters import ManualLossAction, OffboardLossAction, Parameters
 
 Notify = Callable[[Severity, str], None]
+
+KILL_DISARM_US: Final = 5_000_000
 
 _OFFBOARD_LOSS_MODE: dict[int, Mode] = {
     OffboardLossAction.POSITION: Mode.POSCTL,
@@ -41,6 +44,8 @@ class Commander:
         failsafe: whether `mode` is a failsafe's choice instead of the user's.
         manual_control: whether a pilot's sticks are heard; there is none unless somebody sets this.
         position_valid: whether the estimator has a position.
+        killed: whether the kill switch stopped the motors; PX4 disarms 5 s later.
+        forced_failsafe: a failsafe that acts whatever the user's mode is, until the user asks for another mode.
     """
 
     def __init__(self, parameters: Parameters, can_fly: bool, notify: Notify) -> None:
@@ -54,6 +59,9 @@ class Commander:
         self.landed = True
         self.manual_control = False
         self.position_valid = True
+        self.killed = False
+        self.forced_failsafe: Mode | None = None
+        self._killed_at_us = 0
         self.armed_at_us = 0
         self.has_taken_off = False
         self._mode_after_disarming = Mode.HOLD
@@ -98,6 +106,7 @@ class Commander:
             self._notify(Severity.CRITICAL, f"Mode {mode.name} not available")
             return False
         self.user_mode = mode
+        self.forced_failsafe = None
         if (mode not in PREVENT_ARMING and mode is not Mode.TAKEOFF) or mode is Mode.TERMINATION:
             self._mode_after_disarming = mode
         self.update(now_us)
@@ -131,6 +140,19 @@ class Commander:
         self.update(now_us)
         return True
 
+    def kill(self, now_us: int) -> None:
+        """The pilot's kill switch: the motors stop, the vehicle stays armed for a while (`COM_KILL_DISARM`)."""
+        self.killed = True
+        self._killed_at_us = now_us
+        self._notify(Severity.CRITICAL, "Kill engaged")
+
+    def start_in_air(self, now_us: int) -> None:
+        """Armed and flying in Hold, as if a take-off had gone before."""
+        self.armed = self.has_taken_off = True
+        self.landed = False
+        self.armed_at_us = now_us
+        self.user_mode = self.mode = Mode.HOLD
+
     # --- what follows -----------------------------------------------------------------------------------------------
 
     def update(self, now_us: int) -> None:
@@ -140,12 +162,17 @@ class Commander:
         if self.failsafe and (self.mode is not previous or not was_failsafe):
             self._notify(Severity.CRITICAL, f"Failsafe activated: {self.mode.name}")
         if self.armed:
+            if self.killed and now_us - self._killed_at_us >= KILL_DISARM_US:
+                self.disarm(now_us, "kill switch", force=True)
+                return
             self._auto_disarm(now_us)
 
     def _decide(self, now_us: int) -> tuple[Mode, bool]:
         if self.mode is Mode.TERMINATION or self.user_mode is Mode.TERMINATION:
             return Mode.TERMINATION, False
         user = self.user_mode
+        if self.armed and self.forced_failsafe is not None:
+            return self._achievable(self.forced_failsafe), True
         if not self.armed or self.can_run(user, now_us):
             return user, False
         if user is Mode.OFFBOARD:

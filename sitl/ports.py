@@ -57,7 +57,10 @@ class Port(Protocol):
     """One wire."""
 
     stream: bool  # whether frames may come in pieces
-    connected: bool  # whether anybody has been heard
+
+    @property
+    def connected(self) -> bool:
+        """Whether anybody has been heard."""
 
     @property
     def number(self) -> int:

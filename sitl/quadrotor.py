@@ -1,12 +1,13 @@
 """The 6-DoF quadrotor (1)-(2) in NED, with body drag, under the attitude cascade (7) or a given linear response.
 
-``R' = R S(ω)``, ``J ω' = -S(ω) J ω + τ``; ``p' = v``, ``m v' = m g e3 - T R e3 - c_D |v| v``.
+``R' = R S(ω)``, ``J ω' = -S(ω) J ω + τ``; ``p' = v``, ``m v' = m g e3 - T R e3 - c_D |v| v``, where the drag sees the
+velocity against the air.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.attitude_loop import AngleGains, RateGains, RateState, Response, rate_step, respond, wanted_rates
@@ -49,6 +50,19 @@ class QuadrotorState(NamedTuple):
     roll_loop: RateState
     pitch_loop: RateState
     yaw_loop: RateState
+
+
+class Effects(NamedTuple):
+    """What acts from outside, held over a step."""
+
+    wind_north_m_s: float  # of the air against the ground
+    wind_east_m_s: float
+    wind_down_m_s: float
+    roll_bias_rad: float  # how far uneven motors hold the attitude off its set-point
+    pitch_bias_rad: float
+
+
+CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def euler(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
@@ -95,8 +109,13 @@ def step(
     wanted: tuple[float, float, float, float],
     thrust_n: float,
     dt_s: float,
+    effects: Effects = CALM,
 ) -> QuadrotorState:
     """The quadrotor `dt_s` later, under an attitude set-point (scalar first) and a collective thrust, both held."""
+    wind_north, wind_east, wind_down, roll_bias, pitch_bias = effects
+    if roll_bias or pitch_bias:
+        roll, pitch, yaw = euler(*wanted)
+        wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
     roll_loop, pitch_loop, yaw_loop = state.roll_loop, state.pitch_loop, state.yaw_loop
     if params.cascade:
         actual = (state.qw, state.qx, state.qy, state.qz)
@@ -121,11 +140,11 @@ def step(
         qw, qx, qy, qz, p, q, r = _rotate_linear(params, state, wanted, dt_s)
 
     lift = thrust_n / params.mass_kg
-    speed = math.sqrt(state.vx_m_s * state.vx_m_s + state.vy_m_s * state.vy_m_s + state.vz_m_s * state.vz_m_s)
-    drag = params.drag_n_s2_m2 / params.mass_kg * speed
-    vx = state.vx_m_s - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * state.vx_m_s)
-    vy = state.vy_m_s - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * state.vy_m_s)
-    vz = state.vz_m_s + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * state.vz_m_s)
+    air_x, air_y, air_z = state.vx_m_s - wind_north, state.vy_m_s - wind_east, state.vz_m_s - wind_down
+    drag = params.drag_n_s2_m2 / params.mass_kg * math.sqrt(air_x * air_x + air_y * air_y + air_z * air_z)
+    vx = state.vx_m_s - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * air_x)
+    vy = state.vy_m_s - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * air_y)
+    vz = state.vz_m_s + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * air_z)
     return QuadrotorState(
         state.x_m + dt_s * 0.5 * (state.vx_m_s + vx),
         state.y_m + dt_s * 0.5 * (state.vy_m_s + vy),

@@ -41,8 +41,15 @@ def friction(params: RigParams, velocity_m_s: float) -> float:
     )
 
 
-def step(params: RigParams, state: RigState, pitch_wanted_rad: float, thrust_ratio: float, dt_s: float) -> RigState:
-    """The rig `dt_s` later; `thrust_ratio` is thrust over weight."""
+def step(
+    params: RigParams,
+    state: RigState,
+    pitch_wanted_rad: float,
+    thrust_ratio: float,
+    dt_s: float,
+    push_m_s2: float = 0.0,
+) -> RigState:
+    """The rig `dt_s` later; `thrust_ratio` is thrust over weight, `push_m_s2` a force from outside over the mass."""
     rate_loop = state.rate_loop
     if params.cascade:
         wanted_rate = params.pitch_gain_1_s * math.sin(pitch_wanted_rad - state.pitch_rad)
@@ -54,6 +61,6 @@ def step(params: RigParams, state: RigState, pitch_wanted_rad: float, thrust_rat
     else:
         pitch, rate = respond(params.response, state.pitch_rad, state.pitch_rate_rad_s, pitch_wanted_rad, dt_s)
     drive = -GRAVITY_M_S2 * thrust_ratio * math.sin(0.5 * (state.pitch_rad + pitch))
-    velocity = state.velocity_m_s + dt_s * (drive - friction(params, state.velocity_m_s))
+    velocity = state.velocity_m_s + dt_s * (drive + push_m_s2 - friction(params, state.velocity_m_s))
     position = state.position_m + dt_s * 0.5 * (state.velocity_m_s + velocity)
     return RigState(position, velocity, pitch, rate, rate_loop)

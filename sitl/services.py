@@ -8,11 +8,13 @@ from typing import Any, Final
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Frame, Layout, decode_cold
+from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Encoder, Frame, Layout, decode_cold
 from companion.mavlink.px4 import Result
-from sitl.autopilot import Autopilot, Command
+from sitl.autopilot import Autopilot
+from sitl.log_download import LOG_DATA, LogDownload, LogFile
 from sitl.modes import Severity
 from sitl.parameters import HASH_NAME, WireParameter
+from sitl.requests import Command
 from sitl.streams import NEVER_US, Streams
 from sitl.telemetry import Telemetry
 
@@ -34,26 +36,37 @@ class Services:
     """Everything one link answers to.
 
     Attributes:
+        address: system and component of this autopilot.
         replies: frames to be sent, in order; the owner of the link takes them.
         setpoint_ms: `time_boot_ms` of the last SET_ATTITUDE_TARGET that was for this autopilot.
         odometry_requested: whether somebody asked for ODOMETRY by SET_MESSAGE_INTERVAL, and it runs.
         ground_station_seen: whether a ground station's heartbeat came by; only then PX4 sends STATUSTEXT.
         changed: parameters set on this link, for the other links to tell.
         ignored: frames that were not for this autopilot, or that nobody handles.
+        logs: what is being downloaded; the owner of the link calls `send_logs` while it is `sending`.
     """
 
     def __init__(
-        self, autopilot: Autopilot, telemetry: Telemetry, streams: Streams, system_id: int, component_id: int
+        self,
+        autopilot: Autopilot,
+        telemetry: Telemetry,
+        streams: Streams,
+        system_id: int,
+        component_id: int,
+        logs: list[LogFile] | None = None,
     ) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
         self._streams = streams
         self._system = system_id
         self._component = component_id
+        self.address = (system_id, component_id)
         self._systems = (system_id, _ANY)
         self._components = (component_id, _ANY)
         self._unpack_setpoint = _SETPOINT.unpack
         self._on_attitude_target = autopilot.on_attitude_target
+        self.logs = LogDownload([] if logs is None else logs)
+        self._encode_log_data = Encoder(LOG_DATA, system_id, component_id).encode
         self.replies: list[bytes] = []
         self.changed: list[WireParameter] = []
         self.setpoint_ms = -1
@@ -73,6 +86,10 @@ class Services:
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._command_int,
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
+            mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST: lambda _, message: self.logs.request_list(message),
+            mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA: lambda _, message: self.logs.request_data(message),
+            mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END: lambda _, message: self.logs.request_end(message),
+            mavlink.MAVLINK_MSG_ID_LOG_ERASE: lambda _, __: self.logs.erase(armed=autopilot.commander.armed),
         }
 
     def handle(self, frame: Frame) -> None:
@@ -115,6 +132,17 @@ class Services:
         body = frame[1:HEADER_BYTES] + parameter.raw + frame[HEADER_BYTES + 4 : -CRC_BYTES]
         crc = mcrf4xx(bytes([message.crc_extra]), mcrf4xx(body))
         self.replies.append(frame[:1] + body + crc.to_bytes(CRC_BYTES, "little"))
+
+    def send_logs(self, now_us: int) -> None:
+        """Queue the next burst of a log, if its time has come."""
+
+        def pack(message: Any) -> bytes:
+            return self._telemetry.pack(message, self._streams.take_sequence())
+
+        def encode(*values: int) -> bytes:
+            return self._encode_log_data(self._streams.take_sequence(), *values)
+
+        self.replies += self.logs.send(now_us, pack, encode)
 
     # --- services ---------------------------------------------------------------------------------------------------
 

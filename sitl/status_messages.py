@@ -34,7 +34,6 @@ _HEALTHY: Final = (
     | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     | mavlink.MAV_SYS_STATUS_AHRS
 )
-_ESTIMATOR_FLAGS: Final = 895  # all but GPS glitch, accelerometer error and constant position mode
 _PX4_VERSION: Final = 1 << 24 | 17 << 16 | 0 << 8 | 255  # 1.17.0, release
 _CAPABILITIES: Final = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -232,17 +231,18 @@ class StatusMessages:
         return self.pack(message, sequence)
 
     def estimator_status(self, sequence: int) -> bytes:
+        health = self._autopilot.health
         message = mavlink.MAVLink_estimator_status_message(
             time_usec=self._now_us,
-            flags=_ESTIMATOR_FLAGS,
+            flags=health.flags,
             vel_ratio=0.03,
             pos_horiz_ratio=0.05,
             pos_vert_ratio=0.01,
             mag_ratio=0.1,
             hagl_ratio=0.004,
             tas_ratio=NAN,
-            pos_horiz_accuracy=0.22,
-            pos_vert_accuracy=0.07,
+            pos_horiz_accuracy=math.sqrt(2.0 * health.horizontal_m2),
+            pos_vert_accuracy=math.sqrt(health.vertical_m2),
         )
         return self.pack(message, sequence)
 

@@ -102,16 +102,16 @@ class Streams:
         others_due_us: of the next message that is not ODOMETRY.
     """
 
-    def __init__(self, telemetry: Telemetry, profile: Profile) -> None:
+    def __init__(self, telemetry: Telemetry, profile: Profile, now_us: int = 0) -> None:
         self._builders = telemetry.builders
         self._defaults = default_intervals_us(profile)
-        self._streams = {_HEARTBEAT: _Stream(self._builders[_HEARTBEAT], HEARTBEAT_INTERVAL_US, 0)}
+        self._streams = {_HEARTBEAT: _Stream(self._builders[_HEARTBEAT], HEARTBEAT_INTERVAL_US, now_us)}
         self._others = list(self._streams.values())
         self._odometry: _Stream | None = None
         self.started = False
         self.sequence = 0
         self.odometry_due_us = NEVER_US
-        self.others_due_us = HEARTBEAT_INTERVAL_US
+        self.others_due_us = now_us + HEARTBEAT_INTERVAL_US
 
     @property
     def due_us(self) -> int:

@@ -14,18 +14,25 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Encoder, Layout
 from sitl.autopilot import Autopilot
 from sitl.geodesy import to_global
+from sitl.health import Health
 from sitl.quadrotor import euler
 from sitl.status_messages import Build, StatusMessages, heading_deg, real, whole
 
 NAN: Final = math.nan
 
-# Row-major upper triangles: the diagonal of a still PX4 with GPS, the rest unknown.
-_POSE_COVARIANCE: Final = [NAN] * 21
-for _place, _variance in zip((0, 6, 11, 15, 18, 20), (0.02, 0.02, 0.005, 4e-4, 4e-4, 0.038), strict=True):
-    _POSE_COVARIANCE[_place] = _variance
-_VELOCITY_COVARIANCE: Final = [NAN] * 21
-for _place, _variance in zip((0, 6, 11), (0.015, 0.015, 0.0014), strict=True):
-    _VELOCITY_COVARIANCE[_place] = _variance
+_QUATERNION_VARIANCES: Final = (4e-4, 4e-4, 0.038)
+
+
+def covariances(health: Health) -> list[float]:
+    """ODOMETRY's two row-major upper triangles, pose and velocity: the diagonal, the rest unknown."""
+    pose, velocity = [NAN] * 21, [NAN] * 21
+    across, down = health.horizontal_m2, health.vertical_m2
+    for place, variance in zip((0, 6, 11, 15, 18, 20), (across, across, down, *_QUATERNION_VARIANCES), strict=True):
+        pose[place] = variance
+    across, down = health.horizontal_velocity_m2_s2, health.vertical_velocity_m2_s2
+    for place, variance in zip((0, 6, 11), (across, across, down), strict=True):
+        velocity[place] = variance
+    return pose + velocity
 
 
 class Telemetry:
@@ -52,7 +59,8 @@ class Telemetry:
         self._highres_imu = hot("HIGHRES_IMU")
         self._attitude_target = hot("ATTITUDE_TARGET")
         self._timesync = hot("TIMESYNC")
-        self._odometry_tail = (*_POSE_COVARIANCE, *_VELOCITY_COVARIANCE, 1, 1)
+        self._health = autopilot.health
+        self._odometry_tail = (*covariances(self._health), 1, 1)
         self.builders: dict[int, Build] = {
             **status.builders,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
@@ -68,9 +76,13 @@ class Telemetry:
     def odometry(self, sequence: int) -> bytes:
         autopilot = self._autopilot
         position, velocity, q_wxyz, rates, _ = autopilot.estimate()
+        if autopilot.health is not self._health:
+            self._health = autopilot.health
+            self._odometry_tail = (*covariances(self._health), 1, 1)
+        now_us = autopilot.time_us
         return self._odometry(
             sequence,
-            autopilot.time_us,
+            now_us if autopilot.stamp_us is None else autopilot.stamp_us(now_us),
             *position,
             *q_wxyz,
             *velocity,

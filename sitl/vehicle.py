@@ -27,8 +27,10 @@ class VehicleState(NamedTuple):
 class Vehicle(Protocol):
     """What the autopilot flies."""
 
-    hover_thrust: float
+    hover_thrust: float  # believed by autopilot and companion; what really carries it may differ
     can_fly: bool  # False for a rig on guides: it neither takes off nor lands
+    thrust_share: float  # of its thrust that battery and motors still give
+    effects: quadrotor.Effects  # what acts on it from outside
 
     @property
     def state(self) -> VehicleState:
@@ -56,12 +58,18 @@ class _Delay:
 
 
 class Rig:
-    """The ANT-X rig: north along the guide, pitch free, everything else held."""
+    """The ANT-X rig: north along the guide, pitch free, everything else held.
+
+    Attributes: `push_m_s2`, a force along the guide over the mass. Wind does not reach it.
+    """
 
     can_fly = False
 
     def __init__(self, params: rig.RigParams, hover_thrust: float, delay_s: float = 0.0, dt_s: float = 1e-3) -> None:
         self.hover_thrust = hover_thrust
+        self.thrust_share = 1.0
+        self.effects = quadrotor.CALM
+        self.push_m_s2 = 0.0
         self._params = params
         self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
         self._delay = _Delay(delay_s, dt_s)
@@ -82,28 +90,38 @@ class Rig:
     def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
         """Only the pitch of the set-point reaches the rig. Without thrust nothing turns it: it stays as it is."""
         (w, x, y, z), thrust = self._delay.through(q_wxyz, thrust)
-        self._thrust_ratio = thrust / self.hover_thrust
+        self._thrust_ratio = self.thrust_share * thrust / self.hover_thrust
         if thrust <= 0.0:
             self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0)
             return
         pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
-        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s)
+        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s, self.push_m_s2)
 
     def on_ground(self) -> bool:
         return False
 
 
 class Quadrotor:
-    """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it."""
+    """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it.
+
+    Args: `thrust_factor`, thrust at a set-point over what `hover_thrust` and the mass of the config imply.
+    """
 
     can_fly = True
 
     def __init__(
-        self, params: quadrotor.QuadrotorParams, hover_thrust: float, delay_s: float = 0.0, dt_s: float = 1e-3
+        self,
+        params: quadrotor.QuadrotorParams,
+        hover_thrust: float,
+        delay_s: float = 0.0,
+        dt_s: float = 1e-3,
+        thrust_factor: float = 1.0,
     ) -> None:
         self.hover_thrust = hover_thrust
+        self.thrust_share = 1.0
+        self.effects = quadrotor.CALM
         self._params = params
-        self._full_thrust_n = params.mass_kg * GRAVITY_M_S2 / hover_thrust
+        self._full_thrust_n = thrust_factor * params.mass_kg * GRAVITY_M_S2 / hover_thrust
         self._thrust_n = 0.0
         rest = RateState(0.0, 0.0)
         self._state = quadrotor.QuadrotorState(
@@ -124,17 +142,22 @@ class Quadrotor:
 
     def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
         q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
-        self._thrust_n = thrust * self._full_thrust_n
+        self._thrust_n = thrust * self.thrust_share * self._full_thrust_n
         if self.on_ground():
             if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:
                 self._rest()
                 return
             _, _, yaw = quadrotor.euler(*q_wxyz)
             q_wxyz = quadrotor.quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
-        self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s)
+        self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s, self.effects)
         if self._state.z_m > 0.0:
             self._state = self._state._replace(z_m=0.0)
             self._rest()
+
+    def lift_to(self, z_m: float) -> None:
+        """Put it into the air, level and at rest, so that a flight need not begin with a take-off."""
+        self._rest()
+        self._state = self._state._replace(z_m=z_m)
 
     def _rest(self) -> None:
         s = self._state

@@ -8,6 +8,7 @@ from types import TracebackType
 
 from sitl.attitude_loop import AngleGains, RateGains, Response
 from sitl.autopilot import Autopilot
+from sitl.log_download import LogFile
 from sitl.parameters import Parameters
 from sitl.ports import Endpoint, UdpEndpoint
 from sitl.quadrotor import QuadrotorParams
@@ -47,13 +48,21 @@ def autopilot(vehicle: Vehicle, **parameters: float) -> Autopilot:
 class RunningPlant:
     """A plant served from a thread, for the length of a `with`."""
 
-    def __init__(self, pilot: Autopilot, *, lockstep: bool = False, endpoints: Sequence[Endpoint] = ()) -> None:
+    def __init__(
+        self,
+        pilot: Autopilot,
+        *,
+        lockstep: bool = False,
+        endpoints: Sequence[Endpoint] = (),
+        logs: Sequence[LogFile] = (),
+    ) -> None:
         self.autopilot = pilot
         self.port = 0
         self.result: ServeResult | None = None
         self.error: Exception | None = None
         self._lockstep = lockstep
         self._endpoints = endpoints or [UdpEndpoint(0, NOBODY)]
+        self._logs = logs
         self._stop = threading.Event()
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -66,6 +75,7 @@ class RunningPlant:
                 lockstep=self._lockstep,
                 stop=self._stop.is_set,
                 on_ready=self._on_ready,
+                logs=self._logs,
             )
         except Exception as error:
             self.error = error

@@ -15,9 +15,9 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
+from sitl.clocks import LockstepTimeoutError, StopReason
 from sitl.modes import Mode, custom_mode
 from sitl.ports import SerialEndpoint, UdpEndpoint, parse_serial
-from sitl.server import LockstepTimeoutError, StopReason
 from sitl.streams import Profile, default_intervals_us
 
 ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY
@@ -448,7 +448,7 @@ def test_lockstep_stands_still_until_odometry_is_wanted() -> None:
 
 
 def test_lockstep_gives_up_with_a_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sitl.server.SETPOINT_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("sitl.clocks.SETPOINT_TIMEOUT_S", 0.2)
     running = RunningPlant(autopilot(rig()), lockstep=True)
     with running, closing(Client(running.port)) as client:
         client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ODOMETRY, 4000)
@@ -456,3 +456,33 @@ def test_lockstep_gives_up_with_a_named_error(monkeypatch: pytest.MonkeyPatch) -
         running.join()
     assert isinstance(running.error, LockstepTimeoutError)
     assert "time_boot_ms 4 within" in str(running.error)
+
+
+# --- from one link to the others ------------------------------------------------------------------------------------
+
+
+def test_what_is_not_for_the_autopilot_alone_is_passed_on_to_the_other_link() -> None:
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    station_end = UdpEndpoint(port, NOBODY, Profile.GROUND_STATION)
+    with (
+        RunningPlant(autopilot(quadrotor()), endpoints=[UdpEndpoint(0, NOBODY), station_end]) as running,
+        closing(Client(running.port)) as companion,
+        closing(Client(port, 190)) as station,
+    ):
+        companion.heartbeat()
+        station.heartbeat(mavlink.MAV_TYPE_GCS)
+        companion.wait("HEARTBEAT", lambda m: m.get_srcComponent() == 190)
+        place = (10, 1, 191, 1, 0x9F8, 1.0, 2.0, -3.0, *(0.0,) * 8)
+        station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148)
+        station.send(mavlink.MAVLink_set_position_target_local_ned_message(*place))
+        found = companion.collect(0.5)
+        steered = [m for m in found if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+        assert [(m.x, m.y, m.z, m.get_srcComponent()) for m in steered] == [(1.0, 2.0, -3.0, 190)]
+        assert not [m for m in found if m.get_type() == "COMMAND_LONG"]  # that was for the autopilot alone
+        companion.setpoint()
+        companion.send(mavlink.MAVLink_statustext_message(4, b"companion: fence"))
+        heard = station.collect(0.5)
+        assert [m.text for m in heard if m.get_type() == "STATUSTEXT"] == ["companion: fence"]
+        assert not [m for m in heard if m.get_type() == "SET_ATTITUDE_TARGET"]

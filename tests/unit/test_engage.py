@@ -96,3 +96,12 @@ def test_an_armed_vehicle_is_not_touched() -> None:
     vehicle.see(0.0, Seen(Mode.POSITION, True, 1.0, 5.0))
     assert vehicle.failed is not None
     assert not vehicle.asked
+
+
+def test_a_vehicle_that_reads_offboard_already_is_not_armed() -> None:
+    """It does so after it has landed by itself: armed, it would fly on."""
+    vehicle = Vehicle()
+    vehicle.see(0.0, Seen(Mode.OFFBOARD, False, 0.0, 0.0))
+    assert vehicle.failed is not None
+    assert "choose another mode first" in vehicle.failed
+    assert not vehicle.asked

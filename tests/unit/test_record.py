@@ -65,7 +65,7 @@ def stopped(recording: Recorder) -> bool:
 
 def tick(first: float) -> bytes:
     """A tick whose floats count up from `first`."""
-    return schema.pack_tick(schema.CDR_HEADER, *(first + n for n in range(FLOAT_COUNT)), 3, 1)
+    return schema.pack_tick(schema.CDR_HEADER, *(first + n for n in range(FLOAT_COUNT)), 3, 1, 0)
 
 
 def setpoint(n: int) -> bytes:
@@ -213,7 +213,7 @@ def test_the_tick_is_laid_out_as_cdr_lays_out_its_schema() -> None:
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(
     st.lists(st.floats(), min_size=FLOAT_COUNT, max_size=FLOAT_COUNT),
-    st.lists(st.integers(0, 255), min_size=2, max_size=2),
+    st.lists(st.integers(0, 255), min_size=len(schema.FLAGS), max_size=len(schema.FLAGS)),
 )
 def test_any_tick_comes_back_bit_for_bit(values: list[float], flags: list[int]) -> None:
     data = schema.pack_tick(schema.CDR_HEADER, *values, *flags)
@@ -245,7 +245,7 @@ def test_events_keep_their_text_through_the_file(tmp_path: Path) -> None:
 
 def test_not_a_number_comes_back_as_such(tmp_path: Path) -> None:
     with recorder(tmp_path) as recording:
-        recording.add(TICK, 0, schema.pack_tick(schema.CDR_HEADER, *[math.nan] * FLOAT_COUNT, 0, 0))
+        recording.add(TICK, 0, schema.pack_tick(schema.CDR_HEADER, *[math.nan] * FLOAT_COUNT, 0, 0, 0))
         assert recording.close() is None
     ticks = read_flight(tmp_path).ticks
     assert all(np.isnan(ticks[field.name]).all() for field in schema.FLOATS)
@@ -309,7 +309,7 @@ from companion.record import schema
 from companion.record.recorder import RECEIVED, TICK, Recorder
 recorder = Recorder(Path({str(tmp_path)!r}))
 for n in range(500):
-    recorder.add(TICK, n, schema.pack_tick(schema.CDR_HEADER, *[float(n)] * {FLOAT_COUNT}, 0, 0))
+    recorder.add(TICK, n, schema.pack_tick(schema.CDR_HEADER, *[float(n)] * {FLOAT_COUNT}, 0, 0, 0))
     recorder.add(RECEIVED, n, bytes([n % 256]) * 100)
 recorder.flush()
 print(recorder._process.pid, flush=True)

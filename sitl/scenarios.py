@@ -1,0 +1,33 @@
+"""Every scenario that `companion sitl --scenarios` flies, and how to pick from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from typing import Final
+
+from sitl.scenario import Scenario
+from sitl.scenarios_authority import AUTHORITY
+from sitl.scenarios_estimator import ESTIMATOR
+from sitl.scenarios_flight import FLIGHT
+from sitl.scenarios_guards import GUARDS
+from sitl.scenarios_link import LINK
+
+ALL: Final[tuple[Scenario, ...]] = (*FLIGHT, *ESTIMATOR, *GUARDS, *LINK, *AUTHORITY)
+_BY_NAME: Final = {scenario.name: scenario for scenario in ALL}
+
+
+def by_name(name: str) -> Scenario:
+    """The scenario of a name. Raises `KeyError`."""
+    return _BY_NAME[name]
+
+
+def pick(patterns: Sequence[str]) -> list[str]:
+    """The names that match any of the patterns (`*`, `?`), in the order of the list; all of them for none.
+
+    Raises `KeyError` with the pattern that matches nothing.
+    """
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in _BY_NAME):
+            raise KeyError(pattern)
+    return [name for name in _BY_NAME if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)]

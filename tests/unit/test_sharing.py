@@ -1,0 +1,265 @@
+"""The door of a flying process, over a real Unix socket: who gets in, what goes out, what comes through."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.mavlink import px4
+from companion.mavlink.client import open_shared
+from companion.mavlink.codec import Frame, FrameParser, Layout
+from companion.mavlink.guest import GuestLink, door_of, doors_of
+from companion.mavlink.link import LinkError
+from companion.mavlink.log_protocol import BESIDE_A_FLIGHT, DATA_BYTES
+from companion.mavlink.sharing import COLD, Door, question
+
+REQUEST_DATA = Layout("LOG_REQUEST_DATA")
+TOOL = mavlink.MAVLink(None, srcSystem=1, srcComponent=192)
+
+
+def frame_of(message: Any) -> Frame:
+    (frame,) = FrameParser().feed(bytes(message.pack(TOOL)))
+    return frame
+
+
+@pytest.fixture
+def door(tmp_path: Path) -> Iterator[Door]:
+    tmp_path.chmod(0o700)
+    opened = Door(tmp_path / "door.sock")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def guest(door: Door) -> Iterator[GuestLink]:
+    link = GuestLink(door.path, 0.02)
+    yield link
+    link.close()
+
+
+READ = mavlink.MAVLink_param_request_read_message(1, 1, b"MC_ROLL_P", -1)
+QUESTIONS = [
+    READ,
+    mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF),
+    mavlink.MAVLink_log_request_data_message(1, 1, 0, 0, 90),
+    mavlink.MAVLink_log_request_end_message(1, 1),
+    mavlink.MAVLink_ping_message(1, 2, 0, 0),
+    px4.request_message(1, 1, 148),
+    px4.command(1, 1, mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, 331),
+]
+ORDERS = [
+    px4.arm(1, 1),
+    px4.set_mode(1, 1, px4.Mode.LAND),
+    px4.message_interval(1, 1, 331, 1.0),
+    px4.heartbeat(4),
+    px4.command(1, 1, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+    px4.command(1, 1, mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0),
+    mavlink.MAVLink_set_mode_message(1, 1, 0),
+    mavlink.MAVLink_param_set_message(1, 1, b"MC_ROLL_P", 9.0, 9),
+    mavlink.MAVLink_log_erase_message(1, 1),
+    mavlink.MAVLink_param_request_list_message(1, 1),  # a burst of a thousand frames
+    mavlink.MAVLink_set_attitude_target_message(0, 1, 1, 7, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.5),
+    mavlink.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0, *([0.0] * 11)),
+    mavlink.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0),
+    mavlink.MAVLink_serial_control_message(10, 0, 0, 0, 0, [0] * 70),
+]
+
+
+@pytest.mark.parametrize("message", QUESTIONS, ids=lambda m: m.get_type())
+def test_a_question_goes_out(door: Door, guest: GuestLink, message: Any) -> None:
+    frame = frame_of(message)
+    assert question(frame)
+    guest.send(frame.raw)
+    assert door.asked(10.0) == frame.raw
+    assert door.attached
+
+
+@pytest.mark.parametrize("message", ORDERS, ids=lambda m: m.get_type())
+def test_an_order_does_not(door: Door, guest: GuestLink, message: Any) -> None:
+    guest.send(frame_of(message).raw)
+    assert door.asked(10.0) == b""
+    assert door.refused == 1
+
+
+def test_an_order_behind_a_question_does_not_slip_through(door: Door, guest: GuestLink) -> None:
+    guest.send(frame_of(READ).raw + frame_of(px4.arm(1, 1)).raw)
+    assert door.asked(10.0) == b""
+    assert door.refused == 1
+
+
+def test_rubbish_goes_nowhere(door: Door, guest: GuestLink) -> None:
+    guest.send(b"\xfd" * 300)
+    guest.send(frame_of(READ).raw[:-1])
+    assert [door.asked(10.0), door.asked(10.0)] == [b"", b""]
+
+
+def test_what_is_hot_stays_inside(door: Door, guest: GuestLink) -> None:
+    guest.send(b"")
+    assert door.asked(10.0) == b""
+    assert door.attached, "an empty datagram knocks"
+    hot = frame_of(READ)._replace(message_id=mavlink.MAVLINK_MSG_ID_ODOMETRY)
+    cold = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
+    door.offer([hot, cold, hot])
+    assert guest.receive() == cold.raw
+    assert guest.receive() == b""
+    for name in ("ODOMETRY", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "ATTITUDE", "HIGHRES_IMU", "CURRENT_MODE"):
+        assert getattr(mavlink, f"MAVLINK_MSG_ID_{name}") not in COLD
+
+
+def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: Door, guest: GuestLink) -> None:
+    big = frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 4500, 1000))
+    guest.send(big.raw)
+    now_s, asked = 10.0, []
+    while now_s < 10.5:
+        if data := door.asked(now_s):
+            (frame,) = FrameParser().feed(data)
+            values = REQUEST_DATA.named(frame.payload)
+            assert (values["id"], values["target_system"], values["target_component"]) == (3, 1, 1)
+            asked.append((now_s, values["ofs"], values["count"]))
+        now_s += 0.004
+    size = BESIDE_A_FLIGHT.burst_frames * DATA_BYTES
+    assert [(offset, count) for _, offset, count in asked] == [
+        (4500, size),
+        (4500 + size, size),
+        (4500 + 2 * size, 1000 - 2 * size),
+    ]
+    assert min(b[0] - a[0] for a, b in pairwise(asked)) >= BESIDE_A_FLIGHT.interval_s
+
+
+def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: Door, guest: GuestLink) -> None:
+    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 46080)).raw)
+    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 4, 90, 46080)).raw)
+    bursts = FrameParser().feed(b"".join(door.asked(10.0 + 0.004 * turn) for turn in range(20)))
+    assert [REQUEST_DATA.named(frame.payload)["id"] for frame in bursts] == [3, 4, 4, 4]
+    end = frame_of(mavlink.MAVLink_log_request_end_message(1, 1))
+    guest.send(end.raw)
+    assert end.raw in [door.asked(10.081), door.asked(10.082)]
+    assert [door.asked(11.0), door.asked(12.0)] == [b"", b""]
+
+
+@pytest.mark.parametrize("offset", [0, 0xFFFFFFFF])
+def test_a_request_without_end_does_not_break_the_door(door: Door, guest: GuestLink, offset: int) -> None:
+    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
+    assert len([data for step in range(300) if (data := door.asked(10.0 + step))]) == (300 if offset == 0 else 1)
+
+
+def test_one_guest_at_a_time_until_he_has_gone(door: Door, guest: GuestLink) -> None:
+    second = GuestLink(door.path, 0.02)
+    try:
+        guest.send(b"")
+        door.asked(10.0)
+        second.send(frame_of(READ).raw)
+        assert door.asked(11.0) == b""
+        second.send(frame_of(READ).raw)
+        assert door.asked(13.0) == frame_of(READ).raw, "the first has been silent for two seconds"
+    finally:
+        second.close()
+
+
+def test_a_guest_who_died_is_forgotten(door: Door, guest: GuestLink) -> None:
+    guest.send(b"")
+    door.asked(10.0)
+    guest.close()
+    door.offer([frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))])
+    assert not door.attached
+
+
+def test_a_guest_who_falls_silent_is_forgotten(door: Door, guest: GuestLink) -> None:
+    guest.send(b"")
+    door.asked(10.0)
+    door.asked(11.0)
+    assert door.attached
+    door.asked(13.0)
+    assert not door.attached
+
+
+def test_a_guest_who_does_not_read_holds_nobody_up(door: Door, guest: GuestLink) -> None:
+    guest.send(b"")
+    door.asked(10.0)
+    frame = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
+    door.offer([frame] * 5000)
+    assert door.attached
+    assert guest.receive() == frame.raw
+
+
+def test_a_path_too_long_for_a_socket_is_one_line(tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    with pytest.raises(LinkError, match="too long"):
+        Door(tmp_path / ("x" * 120))
+
+
+def test_the_door_of_a_process_that_ended_says_so(door: Door, guest: GuestLink) -> None:
+    door.close()
+    with pytest.raises(LinkError, match="has ended"):
+        guest.send(b"")
+    assert not door.path.exists()
+
+
+def test_what_a_dead_process_left_is_replaced(door: Door) -> None:
+    again = Door(door.path)
+    link = GuestLink(door.path, 0.02)
+    link.send(frame_of(READ).raw)
+    assert again.asked(10.0) == frame_of(READ).raw
+    link.close()
+    again.close()
+
+
+def test_nobody_else_can_knock(door: Door) -> None:
+    assert door.path.stat().st_mode & 0o077 == 0
+
+
+def test_a_folder_that_anybody_may_write_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "open"
+    folder.mkdir()
+    folder.chmod(0o777)
+    with pytest.raises(LinkError, match="somebody else"):
+        Door(folder / "door.sock")
+
+
+@pytest.mark.parametrize("url", ["udpin://127.0.0.1:{}", "udpout://127.0.0.1:{}"])
+def test_a_tool_finds_the_door_of_whoever_has_the_link(url: str, monkeypatch: Any, tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        url = url.format(free.getsockname()[1])
+    door = Door(door_of(url))
+    try:
+        for name in (url, f"unix://{door.path}"):
+            link = open_shared(name)
+            assert link.name == f"unix://{door.path}"
+            link.close()
+    finally:
+        door.close()
+    link = open_shared(url)
+    assert link.name == url
+    link.close()
+
+
+def test_a_service_has_its_door_in_its_own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    url = "serial:///dev/ttyAMA0:921600"
+    monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/companion")
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    assert door_of(url) in doors_of(url)
+    monkeypatch.delenv("RUNTIME_DIRECTORY")
+    assert door_of(url) == doors_of(url)[0]
+    assert door_of(url) != door_of("serial:///dev/ttyAMA1:921600")
+
+
+def test_a_door_left_behind_is_passed_by(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    url = "udpout://127.0.0.1:14999"
+    door = Door(door_of(url))
+    door._socket.close()  # as a kill -9 does
+    link = open_shared(url)
+    assert link.name == url
+    link.close()
+    with pytest.raises(LinkError, match="refused"):
+        open_shared(f"unix://{door.path}")
