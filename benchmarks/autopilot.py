@@ -1,4 +1,4 @@
-"""The driver: an autopilot, armed and in OFFBOARD, that sends odometry on time and times the answers."""
+"""The driver: an autopilot, armed, in OFFBOARD once it is streamed to, that sends odometry and times the answers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ class Autopilot:
     """Speaks to whoever listens on a UDP port of this machine. `mode` is what it says it is in."""
 
     def __init__(self, port: int) -> None:
-        self.mode = Mode.OFFBOARD
+        self.mode = Mode.HOLD
+        self._switches = True  # to OFFBOARD once there is a stream to fly: before, whoever comes keeps its hands off
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
         # A kernel timeout: Python's own would poll before each receive, and that would count as the candidate's time.
@@ -146,6 +147,8 @@ class Autopilot:
     def _take(self, data: bytes) -> None:
         """Accept whatever is commanded: only a commander that believes it to be done sends set-points."""
         for frame in self._parser.feed(data):
+            if frame.message_id == SET_ATTITUDE_TARGET.message_id and self._switches:
+                self._switches, self.mode = False, Mode.OFFBOARD
             if frame.message_id != mavlink.MAVLINK_MSG_ID_COMMAND_LONG:
                 continue
             self._send(mavlink.MAVLink_command_ack_message(decode_cold(frame).command, mavlink.MAV_RESULT_ACCEPTED))

@@ -129,13 +129,17 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: a
     if name in assessment.adaptation_rates:
         rate, largest = assessment.adaptation_rates[name]
         enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"
-        table.add_row("adaptation rate / stable up to", f"{rate:g} / {largest:.0f}  {enough}")
+        table.add_row("adaptation rate / stable up to", f"{rate:g} / {_rate(largest)}  {enough}")
     if arguments.fastest:
         fastest = axis.fastest_reference
         table.add_row(
             "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
         )
     return table
+
+
+def _rate(limit: float) -> str:
+    return f"{limit:.0f}" if limit >= 10.0 else f"{limit:.2g}"
 
 
 def verdict(assessment: Assessment) -> str:
@@ -150,7 +154,7 @@ def verdict(assessment: Assessment) -> str:
     for name, (rate, limit) in assessment.adaptation_rates.items():
         if rate >= limit:
             return (
-                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below {limit:.0f}, "
+                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below {_rate(limit)}, "
                 "where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
             )
     for name, axis in assessment.axes.items():

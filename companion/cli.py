@@ -52,6 +52,25 @@ def _shared(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_services(commands: argparse._SubParsersAction[_Parser]) -> None:
+    """What asks the vehicle and changes nothing."""
+    vehicle = commands.add_parser("vehicle", help="the vehicle's firmware, health and settings: fit to be flown?")
+    vehicle.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    vehicle.set_defaults(function=_vehicle)
+    logs = commands.add_parser("logs", help="fetch the vehicle's logs: resumed, and checked for completeness")
+    which = logs.add_mutually_exclusive_group()
+    which.add_argument("--list", action="store_true", help="only list them")
+    which.add_argument("--latest", action="store_true", help="only the newest; default: all that are not here yet")
+    logs.add_argument("--out", type=Path, default=Path("logs"), help="folder for the logs (default: logs)")
+    logs.set_defaults(function=_logs)
+    for parser in (vehicle, logs):
+        parser.add_argument("config", type=Path)
+        parser.add_argument(
+            "--link", help="as for run, or unix://PATH; default: the config's, or what `run` shares of it"
+        )
+        _overrides(parser)
+
+
 def _build_parser() -> _Parser:
     parser = _Parser(prog="companion", description="Adaptive position control for PX4 from a companion computer.")
     parser.add_argument("--version", action="version", version=f"companion {__version__}")
@@ -81,6 +100,16 @@ def _build_parser() -> _Parser:
     _overrides(check)
     check.set_defaults(function=_check)
 
+    identify = commands.add_parser("identify", help="the attitude response from a flight log")
+    identify.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="PX4 ULog, tlog or flight folder")
+    identify.add_argument("--config", type=Path, help="the vehicle: its system id and whether it rolls")
+    identify.add_argument("--write", action="store_true", help="put the response into the config's attitude section")
+    identify.add_argument("--plot", type=Path, metavar="FILE.png", help="draw measured against fitted")
+    identify.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    identify.set_defaults(function=_identify)
+
+    _add_services(commands)
+
     sitl = commands.add_parser("sitl", help="fly the paper's experiment on the simulated plant")
     sitl.add_argument("config", type=Path, nargs="?", default=default_config())
     sitl.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")
@@ -90,6 +119,15 @@ def _build_parser() -> _Parser:
     sitl.add_argument("--port", type=int, help="UDP port of the plant (default: any free one; with --serve 14580)")
     sitl.add_argument("--gcs-port", type=int, help="with --serve: UDP port for a ground station (default 18570)")
     sitl.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
+    sitl.add_argument(
+        "--log", type=Path, action="append", metavar="FILE", help="with --serve: a log for `companion logs` to find"
+    )
+    sitl.add_argument(
+        "--scenarios",
+        nargs="*",
+        metavar="NAME",
+        help="fly scenarios of wind, faults and failing links instead: those named (* and ? allowed), or all",
+    )
     sitl.add_argument("--lockstep", action="store_true", help="with --serve: wait for a set-point after every odometry")
     _shared(sitl)
     sitl.set_defaults(function=_sitl)
@@ -109,7 +147,32 @@ def _check(arguments: argparse.Namespace) -> int:
     return check(load_config(arguments.config, tuple(arguments.overrides)), arguments)
 
 
+def _identify(arguments: argparse.Namespace) -> int:
+    from companion.identify.command import run  # noqa: PLC0415
+
+    return run(arguments)
+
+
+def _vehicle(arguments: argparse.Namespace) -> int:
+    from companion.vehicle import vehicle  # noqa: PLC0415
+
+    return vehicle(load_config(arguments.config, tuple(arguments.overrides)), arguments)
+
+
+def _logs(arguments: argparse.Namespace) -> int:
+    from companion.logs import logs  # noqa: PLC0415
+
+    return logs(load_config(arguments.config, tuple(arguments.overrides)), arguments)
+
+
 def _sitl(arguments: argparse.Namespace) -> int:
+    if arguments.scenarios is not None:
+        from sitl.scenario_command import run_scenarios  # noqa: PLC0415 - imports only what the command needs
+
+        for option in ("serve", "lockstep", "realtime"):
+            if getattr(arguments, option):
+                raise ConfigError(f"--scenarios brings its own plant and its own clock: leave out --{option}")
+        return run_scenarios(arguments, default_config().parent)
     config = load_config(arguments.config, tuple(arguments.overrides))
     if config.plant is None:
         raise ConfigError(f"{arguments.config}: no plant section: there is nothing to simulate")

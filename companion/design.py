@@ -1,0 +1,210 @@
+"""`companion design`: from a flight log to a config that is certified to fly, and what limits it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from companion.certify import proof
+from companion.certify.assess import attack
+from companion.certify.certificate import certify
+from companion.certify.design import Design, design
+from companion.certify.problem import Problem
+from companion.certify.statement import Json
+from companion.config import Config, ConfigError, load_config, load_text
+from companion.config.certification import certificate_path, problem
+from companion.config.edit import KeyPath, edited, key_paths
+from companion.identify.identification import Identification, identify_log
+from companion.identify.series import OURS, LogError
+from companion.identify.write import CONFIG_AXES, note, response
+
+_SEARCH_DEGREES: Final = (2,)  # degree 4 gives 3 % more for twenty times the work
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, design, write config and certificate. 0 done, 1 nothing certified. Raises `ConfigError`."""
+    out: Path = arguments.out
+    if out.exists() and not arguments.force:
+        raise ConfigError(f"{out}: exists: choose another name, or --force")
+    if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
+        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    if not 0.0 <= arguments.margin < 1.0:
+        raise ConfigError(f"--margin {arguments.margin:g}: a fraction from 0 to below 1, as in 0.1 for 10 %")
+    template = load_config(arguments.template)
+    if not 0.0 <= arguments.link_delay < 0.5:
+        raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
+    try:
+        identification = identify_log(arguments.logs, template.vehicle.system_id)
+    except LogError as error:
+        raise ConfigError(str(error)) from None
+    text = arguments.template.read_text(encoding="utf-8")
+    with_response = _with_response(text, template, identification, arguments)
+    stated = problem(load_text(with_response, out, arguments.template.parent))
+    console = Console(stderr=arguments.json)
+    chosen = _design(stated, arguments, console)
+    if chosen is None:
+        console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
+        return 1
+    designed = edited(with_response, _changes(with_response, chosen))
+    certificate = _certified(problem(load_text(designed, out, arguments.template.parent)), arguments.degree)
+    if certificate is None:
+        console.print("[bold red]Not certified[/bold red] after all: give a larger --margin or --degree.")
+        return 1
+    _write(out, designed)
+    _write(certificate_path(out), json.dumps(certificate, indent=1) + "\n")
+    if arguments.json:
+        print(json.dumps(_to_json(chosen, template, identification, out)))
+    else:
+        _show(chosen, template, identification, arguments, console)
+    return 0
+
+
+def _with_response(text: str, template: Config, identification: Identification, arguments: argparse.Namespace) -> str:
+    """The template with the identified responses, in its plant too, and with the gains they were identified at."""
+    changes: dict[KeyPath, str] = {}
+    notes: dict[KeyPath, str] = {}
+    known = key_paths(text)
+    for axis, angle in CONFIG_AXES.items():
+        section = getattr(template.attitude, axis)
+        if section is None:
+            continue
+        if angle not in identification.axes:
+            raise ConfigError(identification.refused[angle])
+        found = identification.axes[angle]
+        values: dict[str, Any] = response(found)
+        if "delay_s" in values:
+            values["delay_s"] = [round(end + arguments.link_delay, 6) for end in values["delay_s"]]
+        elif arguments.link_delay:
+            values["delay_s"] = arguments.link_delay
+        changes["attitude", axis] = _flow({"pade_order": section.pade_order, **values})
+        notes["attitude", axis] = note(identification, found)
+        plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
+        if plant in known:
+            flown = dict(found.chosen.named())
+            flown["delay_s"] = flown.get("delay_s", 0.0) + arguments.link_delay
+            changes[plant] = _flow({key: float(f"{value:.4g}") for key, value in flown.items()})
+    if ("plant", "setpoint_delay_s") in known:
+        changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
+    if ("vehicle", "parameters") in known and identification.gains:
+        changes["vehicle", "parameters"] = _flow(identification.gains)
+    return edited(text, changes, notes)
+
+
+def _design(stated: Problem, arguments: argparse.Namespace, console: Console) -> Design | None:
+    columns = (TextColumn("{task.description:<36}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("designing", total=1.0)
+        return design(
+            stated,
+            Decimal(str(arguments.margin)),
+            _SEARCH_DEGREES,
+            lambda fraction, text: progress.update(task, completed=fraction, description=text),
+        )
+
+
+def _changes(text: str, chosen: Design) -> dict[KeyPath, str]:
+    """The chosen numbers by key; an axis that is an alias of the other has none of its own."""
+    known = key_paths(text)
+    changes: dict[KeyPath, str] = {}
+    for axis in ("x", "y"):
+        for key, value in (
+            ("natural_frequency_rad_s", f"{chosen.natural_frequency_rad_s}"),
+            ("position_weight_bound", _interval(chosen.position_bound)),
+            ("velocity_weight_bound", _interval(chosen.velocity_bound)),
+            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {chosen.adaptation_rate}}}"),
+        ):
+            path = ("controller", "axes", axis, key)
+            if path in known:
+                changes[path] = value
+    if ("controller", "bias", "adaptation_rate") in known:
+        changes["controller", "bias", "adaptation_rate"] = f"{chosen.bias_adaptation_rate}"
+    return changes
+
+
+def _certified(stated: Problem, degree: int) -> dict[str, Json] | None:
+    """A certificate of the config as written; None where there is none or an attack on it succeeds."""
+    if any(attack(axis) is not None for axis in stated.axes.values() if axis.response.delay_s.upper):
+        return None
+    return certify(stated, degree)
+
+
+def _interval(bound: tuple[Decimal, Decimal]) -> str:
+    return f"[{bound[0]}, {bound[1]}]"
+
+
+def _flow(values: dict[str, Any]) -> str:
+    def plain(value: Any) -> str:
+        return f"[{', '.join(format(v, 'g') for v in value)}]" if isinstance(value, list) else f"{value:g}"
+
+    return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot write: {error.strerror}") from None
+
+
+def _limits(chosen: Design) -> str:
+    return f"{chosen.limited_by} (axis {chosen.slowest}, {CONFIG_AXES[chosen.slowest]})"
+
+
+def _to_json(chosen: Design, template: Config, identification: Identification, out: Path) -> dict[str, object]:
+    return {
+        "config": str(out),
+        "certificate": str(certificate_path(out)),
+        "certified": True,
+        "natural_frequency_rad_s": float(chosen.natural_frequency_rad_s),
+        "damping_ratio": template.controller.axes.x.damping_ratio,
+        "position_weight_bound": [float(end) for end in chosen.position_bound],
+        "velocity_weight_bound": [float(end) for end in chosen.velocity_bound],
+        "adaptation_rate": float(chosen.adaptation_rate),
+        "fastest_natural_frequency_rad_s": {name: float(value) for name, value in chosen.fastest_rad_s.items()},
+        "limited_by": chosen.limited_by,
+        "limited_by_sampling": chosen.sampled,
+        "responses": {name: axis.chosen.named() for name, axis in identification.axes.items()},
+    }
+
+
+def _show(
+    chosen: Design,
+    template: Config,
+    identification: Identification,
+    arguments: argparse.Namespace,
+    console: Console,
+) -> None:
+    table = Table(title=f"{arguments.out}", show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    for angle, axis in identification.axes.items():
+        values = ", ".join(f"{key.removesuffix('_rad_s').removesuffix('_s').replace('_', ' ')} {value:.4g}"
+                           for key, value in axis.chosen.named().items())  # fmt: skip
+        table.add_row(f"{angle}: {axis.chosen.model.title}", f"{values}  (fit {axis.chosen.fit:.4f})")
+    for name, value in chosen.fastest_rad_s.items():
+        table.add_row(f"fastest reference model, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
+    table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
+                                       f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
+    table.add_row("margin of the attitude bandwidth", f"{100 * arguments.margin:g} %")
+    table.add_row("limited by", _limits(chosen))
+    table.add_row(
+        f"adaptation rate at {template.tick.floor_hz:g} Hz",
+        f"{chosen.adaptation_rate}" + (", lowered for the sampling" if chosen.sampled else ""),
+    )
+    console.print(table)
+    console.print(
+        f"[bold green]Certified[/bold green]: {arguments.out}, {certificate_path(arguments.out)}", soft_wrap=True
+    )
+    if identification.clock != OURS and not arguments.link_delay:
+        console.print(
+            "[yellow]The delay of the link is not in a ULog: give it by --link-delay, or the tlog of the flight "
+            "beside it.[/yellow]"
+        )
+    console.print(f"next: companion sitl {arguments.out}")

@@ -1,0 +1,1 @@
+"""From a flight log to the attitude response: what `companion identify` and `companion design` stand on."""

@@ -1,0 +1,216 @@
+"""From logs to the attitude response per axis: models, intervals, and the vehicle's own delay apart from the link's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from companion.identify import clock
+from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
+from companion.identify.logs import read_log
+from companion.identify.manoeuvres import FLY, Manoeuvre, cut, find, select
+from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording
+
+LEAST_FIT: Final = 0.9
+GAIN: Final = (0.8, 1.25)
+
+
+class DelaySplit(NamedTuple):
+    """Where the delay of one axis is spent, s, each from the same manoeuvres and with the chosen model.
+
+    Attributes
+    ----------
+    total_s
+        Set-point sent to attitude received, our clock.
+    vehicle_s
+        Set-point in force to attitude, the vehicle's clock.
+    link_s, link_95_s
+        Both ways together: total less vehicle, and its interval.
+    """
+
+    total_s: float
+    vehicle_s: float
+    link_s: float
+    link_95_s: tuple[float, float]
+
+
+class AxisIdentification(NamedTuple):
+    """The response of one axis.
+
+    Attributes
+    ----------
+    chosen
+        The model taken, by cross-validation.
+    models
+        All of them, by name.
+    gain
+        Slope of measured over modelled angle.
+    manoeuvres
+        What was fitted.
+    delay
+        None where no log tells the link's share.
+    lateness_s
+        How much longer the delay may be than the log shows, see `Recording.lateness_s`.
+    """
+
+    chosen: ModelFit
+    models: dict[str, ModelFit]
+    gain: float
+    manoeuvres: list[Manoeuvre]
+    delay: DelaySplit | None
+    lateness_s: float
+
+
+class Identification(NamedTuple):
+    """What the logs say.
+
+    Attributes
+    ----------
+    paths, system_id, clock
+        Logs, vehicle, and the clock that parameters are in.
+    axes
+        By "roll" and "pitch", those that could be identified.
+    refused
+        Why another could not, one line each.
+    gains
+        Parameters of the attitude loop as logged, for comparing with the vehicle's later.
+    """
+
+    paths: tuple[Path, ...]
+    system_id: int
+    clock: str
+    axes: dict[str, AxisIdentification]
+    refused: dict[str, str]
+    gains: dict[str, float]
+
+
+def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
+    """Identify the attitude response from one or more logs of the same vehicle, equally tuned.
+
+    A ULog beside a tlog of the same flight gives the vehicle's share of the delay; several logs of one kind add their
+    manoeuvres up.
+
+    Parameters
+    ----------
+    paths
+        ULogs, tlogs or flight folders.
+    system_id
+        The vehicle's MAVLink system id, where it is known.
+
+    Raises
+    ------
+    LogError
+        One line, when no axis can be identified.
+    """
+    return identify([read_log(path, system_id) for path in paths])
+
+
+def identify(recordings: Sequence[Recording]) -> Identification:
+    """`identify_log` on what has been read already. Raises `LogError`."""
+    _check_alike(recordings)
+    fitted, views = _pair(recordings)
+    found = [find(recording) for recording in fitted]
+    where = ", ".join(str(recording.path) for recording in recordings)
+    axes: dict[str, AxisIdentification] = {}
+    refused: dict[str, str] = {}
+    for axis in AXES:
+        try:
+            axes[axis] = _identify(axis, [m for by_axis in found for m in by_axis[axis]], views, where)
+        except LogError as error:
+            refused[axis] = str(error)
+    if not axes:
+        reasons = list(refused.values())
+        none = f"{where}: too little excitation: {FLY.format('roll and in pitch')}"
+        raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
+    gains = {name: value for recording in recordings for name, value in recording.gains.items()}
+    paths = tuple(recording.path for recording in recordings)
+    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains)
+
+
+_Views = dict[Path, tuple[ClockMap, Recording | None]]
+
+
+def _check_alike(recordings: Sequence[Recording]) -> None:
+    first = recordings[0]
+    for other in recordings[1:]:
+        if other.system_id != first.system_id:
+            raise LogError(
+                f"{other.path}: wrong vehicle: system {other.system_id}, {first.path} is of {first.system_id}"
+            )
+        for name, value in first.gains.items():
+            if other.gains.get(name, value) != value:
+                raise LogError(
+                    f"{other.path}: {name} is {other.gains[name]:g}, in {first.path} it is {value:g}: give logs of one "
+                    "tuning"
+                )
+
+
+def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:
+    """The recordings to fit, and how to see each in the vehicle's clock: map, and the ULog with its attitude."""
+    ours = [r for r in recordings if r.track.clock == OURS]
+    vehicles = [r for r in recordings if r.track.clock != OURS]
+    views: _Views = {r.path: (r.applied, None) for r in ours if r.applied is not None}
+    for log in vehicles if ours else []:
+        for traffic in ours:
+            track = traffic.track
+            applied = clock.match(track.setpoint_time_s, traffic.setpoint_q, log.track.setpoint_time_s, log.setpoint_q)
+            if applied is not None:
+                views[traffic.path] = (applied, log)
+                break
+        else:
+            raise LogError(
+                f"{log.path}: not the flight of {ours[0].path}: no set-point is in both: give logs of one kind, or "
+                "both logs of one flight"
+            )
+    return ours or vehicles, views
+
+
+def _identify(axis: str, manoeuvres: list[Manoeuvre], views: _Views, where: str) -> AxisIdentification:
+    kept = select(axis, manoeuvres, where)
+    if opposed(kept):
+        raise LogError(
+            f"{where}: wrong sign: {axis} goes against its set-point: check the frames of both (body forward-right-"
+            "down, local north-east-down) before you fly again"
+        )
+    models = fit_all(kept)
+    chosen = choose(models)
+    slope = gain(chosen.model, chosen.values, kept)
+    fly = FLY.format(axis)
+    if not GAIN[0] <= slope <= GAIN[1]:
+        raise LogError(
+            f"{where}: saturated: {axis} goes {100 * slope:.0f} % of its set-point, so a limit cuts it or it is not "
+            f"what the vehicle follows: {fly}, smaller"
+        )
+    if chosen.fit < LEAST_FIT:
+        raise LogError(
+            f"{where}: no model explains {axis} (fit {chosen.fit:.2f} of at least {LEAST_FIT}): it is disturbed or "
+            f"saturated: {fly}, in calm air"
+        )
+    lateness = max(m.recording.lateness_s for m in kept)
+    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness)
+
+
+def _split(chosen: ModelFit, manoeuvres: list[Manoeuvre], views: _Views) -> DelaySplit | None:
+    """The vehicle's delay and the link's, manoeuvre by manoeuvre; None unless the model has one and both are seen."""
+    if "delay_s" not in chosen.model.parameters:
+        return None
+    totals, owns = [], []
+    for m in manoeuvres:
+        if m.recording.path not in views:
+            continue
+        applied, log = views[m.recording.path]
+        track = clock.vehicle_track(m.recording, applied, log)
+        start, end = clock.to_vehicle(applied, np.array([m.start_s, m.end_s]))
+        seen = cut(m.recording, m.axis, float(start), float(end), track)
+        totals.append(fit_delay(chosen.model, chosen.values, m))
+        owns.append(fit_delay(chosen.model, chosen.values, seen))
+    if len(totals) < 2:
+        return None
+    link = np.array(totals) - np.array(owns)
+    half = float(student.ppf(0.5 + CONFIDENCE / 2.0, len(link) - 1) * link.std(ddof=1) / np.sqrt(len(link)))
+    middle = float(link.mean())
+    return DelaySplit(float(np.mean(totals)), float(np.mean(owns)), middle, (middle - half, middle + half))

@@ -1,0 +1,103 @@
+"""What `companion identify` says: the table, the sentences under it, and the machine-readable object."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from companion.identify.fit import ModelFit
+from companion.identify.identification import AxisIdentification, Identification
+from companion.identify.series import OURS
+
+_FREQUENCIES: Final = ("bandwidth_rad_s", "natural_frequency_rad_s")
+_NEXT_LINE: Final = "\n"
+
+
+def to_json(identification: Identification) -> dict[str, Any]:
+    """The object that `--json` prints; numbers in SI, by the names of the config."""
+    axes = {}
+    for name, axis in identification.axes.items():
+        axes[name] = {
+            "chosen": axis.chosen.model.name,
+            "models": {model: {**fit.named(), "fit": fit.fit} for model, fit in axis.models.items()},
+            "interval_95": {key: list(ends) for key, ends in axis.chosen.intervals().items()},
+            "manoeuvres": len(axis.manoeuvres),
+            "gain": axis.gain,
+            "setpoint_lateness_s": axis.lateness_s,
+            "delay": None if axis.delay is None else axis.delay._asdict(),
+        }
+    return {
+        "axes": axes,
+        "refused": identification.refused,
+        "logs": [str(path) for path in identification.paths],
+        "system_id": identification.system_id,
+        "clock": identification.clock,
+        "gains": identification.gains,
+        "warnings": warnings(identification),
+    }
+
+
+def warnings(identification: Identification) -> list[str]:
+    """What a user must know before he believes the numbers."""
+    lateness = max(axis.lateness_s for axis in identification.axes.values())
+    if not lateness:
+        return []
+    return [
+        f"This log keeps a set-point only every {1e3 * lateness:.0f} ms, so each was in force up to that long before: "
+        f"the delay is a lower bound, the truth may be {1e3 * lateness:.0f} ms more and is likely half that. "
+        "Give the tlog of the same flight, or log vehicle_attitude_setpoint at its full rate."
+    ]
+
+
+def show(identification: Identification, console: Console) -> None:
+    """Print tables and sentences."""
+    for name, axis in identification.axes.items():
+        console.print(_table(name, axis))
+    ours = identification.clock == OURS
+    what = "set-point sent to attitude received, our clock" if ours else "set-point logged to attitude, vehicle's clock"
+    console.print(f"delay: {what}")
+    console.print("fit: R², 1 - |error|² / |motion|²; unseen: error on one left out")
+    for name, axis in identification.axes.items():
+        if axis.delay is not None:
+            total, own, link, low, high = (1e3 * v for v in (*axis.delay[:3], *axis.delay.link_95_s))
+            console.print(
+                f"{name}: {total:.1f} ms in all, the vehicle's own {own:.1f} ms, the link's both ways {link:.1f} ms "
+                f"({low:.1f} to {high:.1f})"
+            )
+    if ours and not any(axis.delay for axis in identification.axes.values()):
+        console.print("The link's share of the delay is not in this log: give the ULog of the same flight beside it.")
+    for warning in warnings(identification):
+        console.print(f"[yellow]{warning}[/yellow]")
+
+
+def _table(name: str, axis: AxisIdentification) -> Table:
+    title = f"{name}, {len(axis.manoeuvres)} manoeuvres; 95 % interval below each value"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    for heading in ("M, ωn rad/s", "ζ", "delay ms", "fit", "unseen °"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for fit in axis.models.values():
+        taken = fit is axis.chosen
+        table.add_row(
+            f"{fit.model.title}{_NEXT_LINE + '(chosen)' if taken else ''}",
+            _cell(fit, _FREQUENCIES, 1.0, 2, 2),
+            _cell(fit, ("damping_ratio",), 1.0, 2, 2),
+            _cell(fit, ("delay_s",), 1e3, 1, 0),
+            f"{fit.fit:.4f}",
+            f"{math.degrees(fit.prediction_rad):.2f}",
+            style="bold" if taken else None,
+        )
+    return table
+
+
+def _cell(fit: ModelFit, keys: tuple[str, ...], scale: float, places: int, end_places: int) -> str:
+    """A parameter and its interval below, or nothing for a model without it."""
+    for key, (low, high) in fit.intervals().items():
+        if key in keys:
+            ends = f"{scale * low:.{end_places}f}–{scale * high:.{end_places}f}"
+            return f"{scale * fit.named()[key]:.{places}f}{_NEXT_LINE}{ends}"
+    return ""
