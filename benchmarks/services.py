@@ -302,52 +302,65 @@ def _stretch(busy: bool, seconds: float) -> Stretch:
 
 
 def figures(results: dict[str, Any], stamps: Stamps) -> dict[str, Any]:
-    """Latencies of quiet and busy stretches, and what was lost."""
-    told: dict[str, Any] = {}
-    for busy in (False, True):
-        latencies, lost = [], 0
-        for stretch in results["stretches"]:
-            if stretch.busy is busy:
-                sent = {ms: at for ms, at in stamps.sent.items() if stretch.from_ns <= at < stretch.to_ns}
-                latencies += [1e-3 * (stamps.answered[ms] - at) for ms, at in sent.items() if ms in stamps.answered]
-                lost += sum(ms not in stamps.answered for ms in sent)
-        told["busy" if busy else "quiet"] = {
-            "median_us": round(statistics.median(latencies), 1),
-            "p99_us": round(statistics.quantiles(latencies, n=100)[98], 1),
-            "samples": len(latencies),
-            "lost": lost,
-        }
+    """Latencies of quiet and busy stretches, and what was lost.
+
+    A ratio is the median over the rounds of busy to the quiet just before it: the machine's other work, which comes and
+    goes, falls out of it.
+    """
+    told: dict[str, Any] = {"quiet": _Told(), "busy": _Told()}
+    for stretch in results["stretches"]:
+        sent = {ms: at for ms, at in stamps.sent.items() if stretch.from_ns <= at < stretch.to_ns}
+        latencies = [1e-3 * (stamps.answered[ms] - at) for ms, at in sent.items() if ms in stamps.answered]
+        told["busy" if stretch.busy else "quiet"].add(latencies, len(sent) - len(latencies))
+    quiet, busy = told["quiet"], told["busy"]
+    told = {"quiet": quiet.row(), "busy": busy.row()}
     for name in ("median", "p99"):
-        told[f"{name}_ratio"] = round(told["busy"][f"{name}_us"] / told["quiet"][f"{name}_us"], 2)
+        before, meanwhile = getattr(quiet, name), getattr(busy, name)
+        ratios = [b / q for q, b in zip(before, meanwhile, strict=True)]
+        told[f"{name}_ratio"] = round(statistics.median(ratios), 2)
     for answer in results["answers"]:
         for key, value in answer.items():
             told[key] = value if isinstance(value, bool) else told.get(key, 0) + value
     return told
 
 
+class _Told:
+    """Some stretches of one sort."""
+
+    def __init__(self) -> None:
+        self.median: list[float] = []
+        self.p99: list[float] = []
+        self.all: list[float] = []
+        self.lost = 0
+
+    def add(self, latencies_us: list[float], lost: int) -> None:
+        self.median.append(statistics.median(latencies_us))
+        self.p99.append(statistics.quantiles(latencies_us, n=100)[98])
+        self.all += latencies_us
+        self.lost += lost
+
+    def row(self) -> dict[str, Any]:
+        return {
+            "median_us": round(statistics.median(self.all), 1),
+            "p99_us": round(statistics.quantiles(self.all, n=100)[98], 1),
+            "samples": len(self.all),
+            "lost": self.lost,
+        }
+
+
 def table(rows: dict[str, dict[str, Any]], seconds: float, others_percent: float) -> Table:
-    shown = Table(title="Odometry out of the plant to set-point back at 250 Hz, µs: median and p99")
-    for column in ("", "quiet", "asked", "÷", "p99", "asked", "÷", "lost", "got"):
-        shown.add_column(column, justify="left" if column in ("", "got") else "right", no_wrap=True)
+    shown = Table(title="Odometry out of the plant to set-point back, 250 Hz")
+    columns = ("asked", "quiet µs", "asked µs", "÷", "p99 ÷", "ticks", "lost", "got")
+    for column in columns:
+        shown.add_column(column, justify="left" if column in ("asked", "got") else "right", no_wrap=True)
     for name, row in rows.items():
         quiet, busy = row["quiet"], row["busy"]
-        got = []
-        if "parameters" in row:
-            got.append(f"{row['parameters'] / seconds:.0f} /s")
-        if "log_bytes" in row:
-            got.append(f"{1e-3 * row['log_bytes'] / seconds:.0f} kB/s")
-        shown.add_row(
-            name,
-            f"{quiet['median_us']:.0f}",
-            f"{busy['median_us']:.0f}",
-            f"{row['median_ratio']:.2f}",
-            f"{quiet['p99_us']:.0f}",
-            f"{busy['p99_us']:.0f}",
-            f"{row['p99_ratio']:.2f}",
-            f"{quiet['lost']}+{busy['lost']}",
-            ", ".join(got),
-        )
-    shown.caption = f"Other work, tools and plant included, took {others_percent:.0f} % of the machine."
+        got = f"{row['parameters'] / seconds:.0f} /s " if "parameters" in row else ""
+        got += f"{1e-3 * row['log_bytes'] / seconds:.0f} kB/s" if "log_bytes" in row else ""
+        ratios = (f"{row['median_ratio']:.2f}", f"{row['p99_ratio']:.2f}")
+        counts = (str(quiet["samples"] + busy["samples"]), str(quiet["lost"] + busy["lost"]))
+        shown.add_row(name, f"{quiet['median_us']:.0f}", f"{busy['median_us']:.0f}", *ratios, *counts, got)
+    shown.caption = f"Other work, the tools' included, took {others_percent:.0f} % of the machine."
     return shown
 
 
@@ -378,7 +391,9 @@ def main() -> None:
         print(json.dumps({"rate_hz": RATE_HZ, "other_work_percent": others.percent(), "kinds": rows}))
     else:
         tool_s = arguments.rounds * (arguments.seconds + 2 * _SETTLE_S)
-        Console().print(table(rows, tool_s, others.percent()))
+        console = Console()
+        console.width = max(console.width, 96)
+        console.print(table(rows, tool_s, others.percent()))
 
 
 if __name__ == "__main__":

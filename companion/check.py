@@ -154,8 +154,8 @@ def verdict(assessment: Assessment) -> str:
     for name, (rate, limit) in assessment.adaptation_rates.items():
         if rate >= limit:
             return (
-                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below {_rate(limit)}, "
-                "where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
+                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below "
+                f"{_rate(limit)}, where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
             )
     for name, axis in assessment.axes.items():
         if axis.attack is not None:

@@ -52,6 +52,38 @@ def _shared(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _identifying(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--identify",
+        dest="overrides",
+        action="append_const",
+        const="mission={identification: {}}",
+        help="fly attitude doublets for `companion identify` instead of the mission",
+    )
+
+
+def _add_identification(commands: argparse._SubParsersAction[_Parser]) -> None:
+    """From logs to a config."""
+    identify = commands.add_parser("identify", help="the attitude response from a flight log")
+    identify.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="PX4 ULog, tlog or flight folder")
+    identify.add_argument("--config", type=Path, help="the vehicle: its system id and whether it rolls")
+    identify.add_argument("--write", action="store_true", help="put the response into the config's attitude section")
+    identify.add_argument("--plot", type=Path, metavar="FILE.png", help="draw measured against fitted")
+    identify.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    identify.set_defaults(function=_identify)
+
+    design = commands.add_parser("design", help="from a flight log to a certified config: the fastest it allows")
+    design.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="PX4 ULog, tlog or flight folder")
+    design.add_argument("--template", type=Path, required=True, metavar="CONFIG", help="everything but the response")
+    design.add_argument("--out", type=Path, required=True, metavar="CONFIG", help="the config to write")
+    design.add_argument("--margin", type=float, default=0.1, help="attitude bandwidth kept in hand (default: 0.1)")
+    design.add_argument("--link-delay", type=float, default=0.0, metavar="S", help="both ways, where no log has it")
+    design.add_argument("--degree", type=int, default=6, help="highest degree of the certificate (default: 6)")
+    design.add_argument("--force", action="store_true", help="replace what --out names")
+    design.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    design.set_defaults(function=_design)
+
+
 def _add_services(commands: argparse._SubParsersAction[_Parser]) -> None:
     """What asks the vehicle and changes nothing."""
     vehicle = commands.add_parser("vehicle", help="the vehicle's firmware, health and settings: fit to be flown?")
@@ -83,6 +115,7 @@ def _build_parser() -> _Parser:
         "--certificate", type=Path, metavar="FILE", help="default: beside the config, NAME.certificate.json"
     )
     run.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
+    _identifying(run)
     run.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
     run.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
     _shared(run)
@@ -100,20 +133,14 @@ def _build_parser() -> _Parser:
     _overrides(check)
     check.set_defaults(function=_check)
 
-    identify = commands.add_parser("identify", help="the attitude response from a flight log")
-    identify.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="PX4 ULog, tlog or flight folder")
-    identify.add_argument("--config", type=Path, help="the vehicle: its system id and whether it rolls")
-    identify.add_argument("--write", action="store_true", help="put the response into the config's attitude section")
-    identify.add_argument("--plot", type=Path, metavar="FILE.png", help="draw measured against fitted")
-    identify.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
-    identify.set_defaults(function=_identify)
-
+    _add_identification(commands)
     _add_services(commands)
 
     sitl = commands.add_parser("sitl", help="fly the paper's experiment on the simulated plant")
     sitl.add_argument("config", type=Path, nargs="?", default=default_config())
     sitl.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")
     sitl.add_argument("--out", type=Path, help="folder for figures and flights (default: a new one in flights)")
+    _identifying(sitl)
     sitl.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     sitl.add_argument("--serve", action="store_true", help="the plant alone, for any MAVLink client")
     sitl.add_argument("--port", type=int, help="UDP port of the plant (default: any free one; with --serve 14580)")
@@ -149,6 +176,12 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _identify(arguments: argparse.Namespace) -> int:
     from companion.identify.command import run  # noqa: PLC0415
+
+    return run(arguments)
+
+
+def _design(arguments: argparse.Namespace) -> int:
+    from companion.design import run  # noqa: PLC0415
 
     return run(arguments)
 

@@ -81,7 +81,7 @@ class Guards(Section):
     pose_rate_hz: DerivedGuardSection = DerivedGuardSection(timeout_s=1.0)  # default: tick.floor_hz
     clock_jump_s: EventGuardSection = EventGuardSection(limit=0.25)  # from one time stamp to the next, either way
     link_delay_s: DerivedGuardSection = DerivedGuardSection(timeout_s=1.0)  # default: the longest certified delay
-    link_jitter_s: GuardSection = GuardSection(limit=0.1, timeout_s=0.5)
+    link_jitter_s: GuardSection = GuardSection(limit=0.15, timeout_s=1.0)
     # where the estimator thinks we are
     estimator_flags: CountGuardSection = CountGuardSection(limit=0, timeout_s=0.3)  # needed flags that may be missing
     position_variance_m2: GuardSection = GuardSection(limit=0.5, timeout_s=0.3)

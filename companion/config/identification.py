@@ -27,6 +27,11 @@ class IdentificationSection(Section):
         """How far a doublet carries a vehicle without drag: `a T²` at the middle of it."""
         return GRAVITY_M_S2 * math.tan(math.radians(self.amplitude_deg)) * self.pulse_s * self.pulse_s
 
+    @property
+    def speed_m_s(self) -> float:
+        """The largest speed of a doublet, after its first pulse."""
+        return self.excursion_m / self.pulse_s
+
     def amplitude_for_deg(self, excursion_m: float) -> float:
         """The amplitude that stays within an excursion."""
         return math.degrees(math.atan(excursion_m / (GRAVITY_M_S2 * self.pulse_s * self.pulse_s)))

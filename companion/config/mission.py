@@ -7,6 +7,7 @@ from itertools import pairwise
 from pydantic import model_validator
 
 from companion.config.base import NonNegative, Number, Positive, Section, Vector
+from companion.config.identification import IdentificationSection
 
 
 class Waypoint(Section):
@@ -26,6 +27,7 @@ class MissionSection(Section):
 
     duration_s: Positive | None = None
     waypoints: tuple[Waypoint, ...] = ()
+    identification: IdentificationSection | None = None  # in place of the other two: it ends by itself
 
     @model_validator(mode="after")
     def _in_order(self) -> MissionSection:
@@ -34,4 +36,6 @@ class MissionSection(Section):
             raise ValueError("waypoints must come in order of at_s, no two at the same time")
         if times and self.duration_s is not None and times[-1] >= self.duration_s:
             raise ValueError("the last waypoint lies at or after duration_s")
+        if self.identification is not None and (self.waypoints or self.duration_s is not None):
+            raise ValueError("identification ends by itself: leave out waypoints and duration_s")
         return self

@@ -6,6 +6,8 @@ import math
 from itertools import pairwise
 
 from companion.config.controller import AxisSection, ControllerSection
+from companion.config.guards import FenceSection
+from companion.config.identification import IdentificationSection
 from companion.config.mission import MissionSection
 
 
@@ -45,6 +47,27 @@ def check_reach(controller: ControllerSection, mission: MissionSection) -> None:
                 f"({envelope.position_m:g}), for which the adaptation rate is checked: "
                 "come in smaller steps, or give controller.limits.speed_m_s"
             )
+
+
+def check_excursion(controller: ControllerSection, fence: FenceSection, flown: IdentificationSection) -> None:
+    """Refuse doublets that leave the envelope or reach half way to the fence. Raises `ValueError`."""
+    room = controller.envelope.position_m
+    what = f"controller.envelope.position_m ({room:g})"
+    if fence.enabled:
+        sides = [*(fence.lower_ned_m or ())[:2], *(fence.upper_ned_m or ())[:2], fence.radius_m or math.inf]
+        half = 0.5 * min(abs(side) for side in sides)
+        if half < room:
+            room, what = half, f"half of guards.fence ({half:g})"
+    if flown.excursion_m > room:
+        raise ValueError(
+            f"mission.identification: a doublet goes {flown.excursion_m:.2g} m to the side, beyond {what}: "
+            f"an amplitude_deg of {flown.amplitude_for_deg(room):.2g} would not, nor would a shorter pulse_s"
+        )
+    if flown.speed_m_s > controller.envelope.velocity_m_s:
+        raise ValueError(
+            f"mission.identification: a doublet reaches {flown.speed_m_s:.2g} m/s, beyond "
+            f"controller.envelope.velocity_m_s ({controller.envelope.velocity_m_s:g}): make pulse_s shorter"
+        )
 
 
 def _lag_s(axis: AxisSection) -> float:

@@ -13,7 +13,7 @@ from companion.config.guards import Guards, ReleaseSection, check_delay
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
-from companion.config.reach import check_reach
+from companion.config.reach import check_excursion, check_reach
 from companion.config.service import ServiceSection, SteeringSection
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
@@ -79,6 +79,8 @@ class Config(Section):
         if self.steering.enabled and not self.guards.fence.enabled:
             raise ValueError("steering.enabled needs guards.fence.enabled: a live command may ask for any place")
         check_reach(self.controller, self.mission)
+        if self.mission.identification is not None:
+            check_excursion(self.controller, self.guards.fence, self.mission.identification)
         check_delay(self.guards, self.attitude)
         if self.vehicle.kind == "rig" and (
             self.vehicle.hover_thrust_source == "estimated"

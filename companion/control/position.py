@@ -195,3 +195,24 @@ def step(
         PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing),
         PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, cut or up_cut, up_cut),
     )
+
+
+def lean(
+    params: PositionParams, state: PositionState, roll_rad: float, pitch_rad: float
+) -> tuple[PositionState, AttitudeSetpoint]:
+    """A lean of so much about the trim in place of what the last step asked for, the vertical force kept.
+
+    The trim is the bias weights' force: what a steady wind needs. Out: the state of a vehicle that flies this, and the
+    set-point.
+    """
+    along = math.tan(math.atan(-state.x.bias_weight) - pitch_rad)
+    across = 0.0 if params.one_axis else math.tan(math.atan(-state.y.bias_weight) + roll_rad)
+    _, _, up = state.force
+    c, s = math.cos(state.flown.yaw_rad), math.sin(state.flown.yaw_rad)
+    if params.one_axis:
+        along, across, up, _, _ = limits.limit_level(params.limits, math.sin(math.atan(along)))
+    else:
+        along, across, up, _, _ = limits.limit(params.limits, up * along, up * across, up, state.hover.hover_thrust)
+    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, state.flown.yaw_rad)
+    thrust = min(size * state.hover.hover_thrust, params.limits.thrust_max)
+    return state._replace(force=(along, across, up), thrust=thrust), AttitudeSetpoint(qw, qx, qy, qz, thrust)

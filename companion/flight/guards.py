@@ -79,7 +79,9 @@ def limits(config: Config) -> Limits:
     guards = config.guards
     ages = guards.pose_age_s, guards.heartbeat_age_s
     pose_age_s, heartbeat_age_s = (g.limit + g.timeout_s if g.enabled else math.inf for g in ages)
+    measuring = config.mission.identification is not None  # a response that nobody has certified yet
     given = {
+        "attitude_response_deg": math.inf if measuring else guards.attitude_response_deg.limit,
         "fence": 0.5,  # inside or outside
         "envelope": 1.0,  # of it
         "link_delay_s": guards.link_delay_s.limit or certified_delay_s(config.attitude) or math.inf,

@@ -1,8 +1,8 @@
 """The identification manoeuvre: attitude doublets around hover, with pauses that bring the vehicle back.
 
 Within a doublet the attitude set-point is the trim plus a pulse and nobody holds the position; it ends where it began
-but for wind and drag. In a pause the position controller flies as ever. A doublet waits until the vehicle is calm, and a
-vehicle that does not become calm ends the manoeuvre.
+but for wind and drag. In a pause the position controller flies as ever. A doublet waits until the vehicle is calm, and
+one that does not become calm ends the manoeuvre.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import math
 from companion.config.schema import Config
 from companion.control import attitude, mrac, position
 from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from companion.flight.manoeuvre import Manoeuvre
 from companion.flight.mission import Mission
 from companion.flight.setup import hover_params, initial_weights, position_params
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
@@ -27,6 +28,8 @@ class Pilot:
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
         self._mission = Mission(config.mission)
+        flown = config.mission.identification
+        self._manoeuvre = None if flown is None else Manoeuvre(flown, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
         self._z_m = 0.0
@@ -83,11 +86,25 @@ class Pilot:
         x_m = out.measured.x_m - self._control.x.ideal_position_m
         y_m = 0.0 if self._params.one_axis else out.measured.y_m - self._control.y.ideal_position_m
         self.error_m = math.hypot(x_m, y_m)
-        return out.setpoint
+        return out.setpoint if self._manoeuvre is None else self._excite(self._manoeuvre, sample)
+
+    def _excite(self, manoeuvre: Manoeuvre, sample: Odometry) -> AttitudeSetpoint:
+        """The controller's set-point, or in its place that of a doublet; the controller knows what was flown."""
+        assert self._control is not None
+        assert self.last is not None
+        distance = math.hypot(sample.x_m - self.target.x_m, sample.y_m - self.target.y_m)
+        offset = manoeuvre.offset(self.elapsed_s, distance, math.hypot(sample.vx_m_s, sample.vy_m_s))
+        if offset is None:
+            return self.last.setpoint
+        self._control, setpoint = position.lean(self._params, self._control, *offset)
+        self.last = self.last._replace(setpoint=setpoint)
+        return setpoint
 
     @property
     def mission_over(self) -> bool:
         """Whether the mission's time is up."""
+        if self._manoeuvre is not None:
+            return self._manoeuvre.over
         return self._mission.over(self.elapsed_s)
 
     @property

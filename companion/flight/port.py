@@ -17,6 +17,8 @@ from companion.record.recorder import RECEIVED, SENT, Recorder
 HEARTBEAT = Layout("HEARTBEAT")
 CURRENT_MODE = Layout("CURRENT_MODE")
 SET_ATTITUDE_TARGET = Layout("SET_ATTITUDE_TARGET")
+ODOMETRY = Layout("ODOMETRY")
+_sample_time = ODOMETRY.only("time_usec").unpack_from
 
 _BASE_MODE = HEARTBEAT.index("base_mode")
 _HEARTBEAT_MODE = HEARTBEAT.index("custom_mode")
@@ -38,9 +40,10 @@ class Port:
     `connected` once a heartbeat came; `steering` commands of those who may steer, for the reader to take away.
     """
 
-    def __init__(self, config: Config, link: Link, recorder: Recorder) -> None:
+    def __init__(self, config: Config, link: Link, recorder: Recorder, *, lockstep: bool = False) -> None:
         self._link = link
         self._recorder = recorder
+        self._lockstep = lockstep
         self._parser = FrameParser(stream=link.stream)
         self._vehicle = (config.vehicle.system_id, config.vehicle.component_id)
         self._own = (config.link.system_id, config.link.component_id)
@@ -71,6 +74,8 @@ class Port:
             if (frame.system_id, frame.component_id) == self._vehicle:
                 believed = signing is None or signing.verify(frame)
                 if believed and (self.connected or frame.message_id == HEARTBEAT.message_id):
+                    if self._lockstep and frame.message_id == ODOMETRY.message_id:
+                        (time_us,) = _sample_time(ODOMETRY.full(frame.payload))  # it is what moves our clock
                     self._recorder.add(RECEIVED, time_us, frame.raw)
                     kept.append(frame)
             elif frame.system_id in self._may_steer and self.connected and steer.addressed_to(frame, self._own):

@@ -50,7 +50,7 @@ class Flight:
         self.say = say
         self.ids = (config.vehicle.system_id, config.vehicle.component_id)
         self.limits = guards.limits(config)
-        self.port = Port(config, link, recorder)
+        self.port = Port(config, link, recorder, lockstep=lockstep)
         self.pilot = Pilot(config, hedging=hedging)
         self.pose = PoseSource()
         # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters.

@@ -142,7 +142,7 @@ def _solve(model: Model, manoeuvres: Sequence[Manoeuvre]) -> Floats:
 
     bounds = (np.array(model.lower), np.array(model.upper))
     start = np.array(model.start)
-    return np.asarray(least_squares(residual, start, jacobian, bounds, x_scale=start, xtol=1e-6, ftol=1e-9).x)
+    return np.asarray(least_squares(residual, start, jacobian, bounds, x_scale=start, xtol=1e-5, ftol=1e-8).x)
 
 
 def _sensitivity(model: Model, values: Floats, manoeuvre: Manoeuvre) -> Floats:

@@ -76,7 +76,8 @@ def respond(
     delay_s = float(parameters[-1]) if model.parameters[-1] == "delay_s" else 0.0
     late = time_s - delay_s
     arrived = np.maximum(np.searchsorted(setpoint_time_s, late, side="right") - 1, 0)
-    steps = np.diff(setpoint_rad, prepend=setpoint_rad[0])
+    steps = np.zeros_like(setpoint_rad)
+    steps[1:] = setpoint_rad[1:] - setpoint_rad[:-1]
     wanted: Floats = setpoint_rad[arrived]
     if model.parameters[0] == "bandwidth_rad_s":
         return np.asarray(wanted - _transient(-float(parameters[0]), steps, setpoint_time_s, late, arrived))
@@ -106,7 +107,7 @@ def _transient(
     span = max(_LARGEST_EXPONENT / max(-pole.real, 1e-9), 1e-3)
     while True:
         if origin + span >= end:  # nearly always: the whole at once
-            first, last = int(np.searchsorted(step_time_s, origin)), len(steps)
+            first, last = np.searchsorted(step_time_s, [origin, np.nextafter(end, np.inf)])
             a, b = int(np.searchsorted(late, origin)), len(late)
         else:
             first, last = np.searchsorted(step_time_s, [origin, origin + span])

@@ -1,4 +1,4 @@
-"""The certified attitude responses beside the real one: what answers as certified is inside the band, the rest is not."""
+"""The certified attitude responses beside the real one: as certified is inside the band, otherwise is not."""
 
 import math
 

@@ -132,7 +132,9 @@ def recording(flown: Flown) -> Recording:
     return Recording(Path("flown"), "tlog", 1, track, following, q, 0.0, np.empty(0), flown.stamp_s, None, {})
 
 
-def flown_tlog(flown: Flown, roll: Flown | None = None, boot_s: float = 7.0, speed: float = 1.01, up_s: float = 0.01) -> bytes:
+def flown_tlog(
+    flown: Flown, roll: Flown | None = None, boot_s: float = 7.0, speed: float = 1.01, up_s: float = 0.01
+) -> bytes:
     """The traffic of a flight: the vehicle's clock began `boot_s` before ours and runs `speed` times as fast."""
 
     def quaternion(roll_rad: float, pitch_rad: float) -> dict[int, float]:

