@@ -34,7 +34,7 @@ from companion.config import load_config
 from companion.logs import list_logs, newest
 from companion.mavlink.client import Client
 from companion.mavlink.codec import Frame
-from companion.mavlink.log_protocol import BESIDE_A_FLIGHT, LOG_DATA, LogFetch, Pace
+from companion.mavlink.log_protocol import LOG_DATA, LogFetch
 from companion.mavlink.services import Attachment, Services
 from companion.vehicle_settings import KINDS
 from sitl.build import build_world
@@ -109,12 +109,12 @@ def read_parameters(client: Client, until_s: float) -> dict[str, float]:
     return {"parameters": count}
 
 
-def read_log(client: Client, until_s: float, pace: Pace = BESIDE_A_FLIGHT) -> dict[str, float]:
+def read_log(client: Client, until_s: float) -> dict[str, float]:
     """Our protocol fetches the log, from the beginning again when it has come to its end."""
     entry = newest(list_logs(client))
     count, began_s = 0, time.monotonic()
     while time.monotonic() < until_s:
-        download = LogFetch(*client.vehicle, entry, pace=pace)
+        download = LogFetch(*client.vehicle, entry)
         while not download.done and (now_s := time.monotonic()) < until_s:
             for request in download.requests(now_s):
                 client.send(request)
@@ -126,7 +126,7 @@ def read_log(client: Client, until_s: float, pace: Pace = BESIDE_A_FLIGHT) -> di
 
 
 def read_log_by_mavsdk(client: Client, until_s: float) -> dict[str, float]:
-    """mavsdk's plugin fetches it: 46 kB a request, which the door cuts."""
+    """mavsdk's plugin fetches it: 46 kB a request, which the door spreads."""
     from mavsdk.plugins.log_files import LogFiles  # noqa: PLC0415
 
     with Services(client) as services, tempfile.TemporaryDirectory() as folder:
@@ -143,7 +143,7 @@ def read_both(client: Client, until_s: float) -> dict[str, float]:
     """Parameters by mavsdk while a log comes down by our protocol: two clients of one process."""
     entry = newest(list_logs(client))
     results: dict[str, float] = {}
-    fetch = LogFetch(*client.vehicle, entry, pace=BESIDE_A_FLIGHT)
+    fetch = LogFetch(*client.vehicle, entry)
     frames_of = client.frames
 
     def frames() -> list[Frame]:

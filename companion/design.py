@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     if chosen is None:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
-    designed = edited(with_response, _changes(with_response, chosen))
+    designed = edited(with_response, _changes(with_response, chosen, template))
     certificate = _certified(problem(load_text(designed, out, arguments.template.parent)), arguments.degree)
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin or --degree.")
@@ -78,18 +78,14 @@ def _with_response(text: str, template: Config, identification: Identification, 
         if angle not in identification.axes:
             raise ConfigError(identification.refused[angle])
         found = identification.axes[angle]
-        values: dict[str, Any] = response(found)
-        if "delay_s" in values:
-            values["delay_s"] = [round(end + arguments.link_delay, 6) for end in values["delay_s"]]
-        elif arguments.link_delay:
-            values["delay_s"] = arguments.link_delay
+        values = dict(response(found)) if arguments.intervals else _rounded(found.chosen.named())
+        values["delay_s"] = _plus(values.get("delay_s", 0.0), arguments.link_delay)
         changes["attitude", axis] = _flow({"pade_order": section.pade_order, **values})
         notes["attitude", axis] = note(identification, found)
         plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
         if plant in known:
-            flown = dict(found.chosen.named())
-            flown["delay_s"] = flown.get("delay_s", 0.0) + arguments.link_delay
-            changes[plant] = _flow({key: float(f"{value:.4g}") for key, value in flown.items()})
+            flown = _rounded(found.chosen.named())
+            changes[plant] = _flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), arguments.link_delay)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
     if ("vehicle", "parameters") in known and identification.gains:
@@ -109,22 +105,25 @@ def _design(stated: Problem, arguments: argparse.Namespace, console: Console) ->
         )
 
 
-def _changes(text: str, chosen: Design) -> dict[KeyPath, str]:
+def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
     """The chosen numbers by key; an axis that is an alias of the other has none of its own."""
     known = key_paths(text)
     changes: dict[KeyPath, str] = {}
+    controller = template.controller
+    standard = controller.axes.x.adaptation_rate.standard
     for axis in ("x", "y"):
         for key, value in (
             ("natural_frequency_rad_s", f"{chosen.natural_frequency_rad_s}"),
             ("position_weight_bound", _interval(chosen.position_bound)),
             ("velocity_weight_bound", _interval(chosen.velocity_bound)),
-            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {chosen.adaptation_rate}}}"),
+            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {standard:g}}}"),
         ):
             path = ("controller", "axes", axis, key)
             if path in known:
                 changes[path] = value
-    if ("controller", "bias", "adaptation_rate") in known:
-        changes["controller", "bias", "adaptation_rate"] = f"{chosen.bias_adaptation_rate}"
+    if controller.bias is not None:
+        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {controller.bias.adaptation_rate.standard:g}}}"
+        changes["controller", "bias", "adaptation_rate"] = rates
     return changes
 
 
@@ -137,6 +136,14 @@ def _certified(stated: Problem, degree: int) -> dict[str, Json] | None:
 
 def _interval(bound: tuple[Decimal, Decimal]) -> str:
     return f"[{bound[0]}, {bound[1]}]"
+
+
+def _rounded(values: dict[str, float]) -> dict[str, Any]:
+    return {key: float(f"{value:.4g}") for key, value in values.items()}
+
+
+def _plus(delay: Any, more_s: float) -> Any:
+    return [round(end + more_s, 6) for end in delay] if isinstance(delay, list) else round(delay + more_s, 6)
 
 
 def _flow(values: dict[str, Any]) -> str:
@@ -207,4 +214,12 @@ def _show(
             "[yellow]The delay of the link is not in a ULog: give it by --link-delay, or the tlog of the flight "
             "beside it.[/yellow]"
         )
+    for angle, axis in identification.axes.items() if not arguments.intervals else ():
+        for key, (low, high) in axis.chosen.intervals().items():
+            middle = axis.chosen.named()[key]
+            if high > (1.0 + arguments.margin) * middle or low < middle / (1.0 + arguments.margin):
+                console.print(
+                    f"[yellow]{angle}: the 95 % interval of {key}, {low:.3g} to {high:.3g}, is wider than the margin: "
+                    "fly more manoeuvres, or certify all of it with --intervals.[/yellow]"
+                )
     console.print(f"next: companion sitl {arguments.out}")

@@ -19,7 +19,7 @@ from companion.config import Config, ConfigError
 from companion.mavlink import ulog
 from companion.mavlink.client import Client
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import ALONE, BESIDE_A_FLIGHT, LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
+from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
 
 
 def logs(config: Config, arguments: argparse.Namespace) -> int:
@@ -76,8 +76,7 @@ def fetch(client: Client, entry: LogEntry, folder: Path, on_progress: Callable[[
     try:
         folder.mkdir(parents=True, exist_ok=True)
         start = min(part.stat().st_size, entry.size_bytes) if part.exists() else 0
-        pace = BESIDE_A_FLIGHT if client.shared else ALONE
-        download = LogFetch(*client.vehicle, entry, start, pace)
+        download = LogFetch(*client.vehicle, entry, start)
         with part.open("ab") as stream:
             stream.truncate(start)
             try:

@@ -91,13 +91,21 @@ def build_vehicle(config: Config) -> Vehicle:
         raise ValueError("the config has no plant section: there is nothing to simulate")
     hover, delay, mismatch = config.vehicle.hover_thrust, plant.setpoint_delay_s, plant.mismatch
     if plant.rig is not None:
-        return Rig(rig_params(plant.rig), hover, delay)
+        return Rig(rig_params(plant.rig), hover, delay + (plant.rig.pitch.delay_s if plant.rig.pitch else 0.0))
     assert plant.quadrotor is not None  # the schema holds exactly one
     believed = quadrotor_params(plant.quadrotor)
     true = believed._replace(
         mass_kg=mismatch.mass * believed.mass_kg, drag_n_s2_m2=mismatch.drag * believed.drag_n_s2_m2
     )
-    return Quadrotor(true, hover, delay, thrust_factor=mismatch.thrust / mismatch.mass)
+    flown = plant.quadrotor
+    roll_s, pitch_s, yaw_s = (0.0 if angle is None else angle.delay_s for angle in (flown.roll, flown.pitch, flown.yaw))
+    return Quadrotor(
+        true,
+        hover,
+        delay,
+        thrust_factor=mismatch.thrust / mismatch.mass,
+        angle_delays_s=(roll_s, pitch_s, yaw_s),
+    )
 
 
 class World(NamedTuple):

@@ -68,6 +68,8 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
         controllers = ["hedged", "standard"]
     else:
         controllers = ["hedged" if arguments.hedging else "standard"]
+    if config.mission.identification is not None:
+        controllers = ["hedged"]  # it is the attitude loop that is measured
     folder: Path = arguments.out or new_folder(Path("flights"), arguments.config.stem)
     console = Console(stderr=arguments.json)
     jobs = _jobs(config, arguments, folder, controllers)
@@ -77,6 +79,8 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
         raise LinkError(str(error)) from None
     if any(o.summary.reason is Reason.OPERATOR for o in outcomes.values()):
         raise KeyboardInterrupt
+    if config.mission.identification is not None:
+        return _report_identification(outcomes["hedged"], arguments, console)
     flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
     from sitl.figures import draw_paper_figures  # noqa: PLC0415 - matplotlib takes its time
 
@@ -90,6 +94,18 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
         console.print(f"{len(figures)} figures, flight folders and summary.json in [bold]{folder}[/bold]")
     good = all(o.complete and o.metrics is not None and o.metrics.stable for o in outcomes.values())
     return 0 if good else 1
+
+
+def _report_identification(outcome: Outcome, arguments: argparse.Namespace, console: Console) -> int:
+    """Doublets are no stairs: there is no tracking to score, but a folder to go on with."""
+    ended = outcome.summary.reason is Reason.MISSION_COMPLETE
+    if arguments.json:
+        print(json.dumps({"config": str(arguments.config), "complete": ended, "flights": [str(outcome.folder)]}))
+    elif ended:
+        console.print(
+            f"doublets flown in {outcome.flown_s:.0f} s; next: companion identify {outcome.folder}", soft_wrap=True
+        )
+    return 0 if ended else 1
 
 
 def _jobs(config: Config, arguments: argparse.Namespace, folder: Path, controllers: list[str]) -> list[Job]:

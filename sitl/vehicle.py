@@ -57,6 +57,21 @@ class _Delay:
         return self._queue.popleft() if len(self._queue) > self._steps else self._queue[0]
 
 
+class _AngleDelays:
+    """Set-points whose roll, pitch and yaw each come out after a delay of their own."""
+
+    def __init__(self, delays_s: Vector, dt_s: float) -> None:
+        self._steps = [round(delay_s / dt_s) for delay_s in delays_s]
+        self._queues: tuple[deque[float], ...] = (deque(), deque(), deque())
+
+    def through(self, q_wxyz: Quaternion) -> Quaternion:
+        late = []
+        for angle, queue, steps in zip(quadrotor.euler(*q_wxyz), self._queues, self._steps, strict=True):
+            queue.append(angle)
+            late.append(queue.popleft() if len(queue) > steps else queue[0])
+        return quadrotor.quaternion(*late)
+
+
 class Rig:
     """The ANT-X rig: north along the guide, pitch free, everything else held.
 
@@ -104,7 +119,8 @@ class Rig:
 class Quadrotor:
     """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it.
 
-    Args: `thrust_factor`, thrust at a set-point over what `hover_thrust` and the mass of the config imply.
+    Args: `thrust_factor`, thrust at a set-point over what `hover_thrust` and the mass of the config imply;
+    `angle_delays_s`, of roll, pitch and yaw, on top of `delay_s`.
     """
 
     can_fly = True
@@ -116,6 +132,7 @@ class Quadrotor:
         delay_s: float = 0.0,
         dt_s: float = 1e-3,
         thrust_factor: float = 1.0,
+        angle_delays_s: Vector = (0.0, 0.0, 0.0),
     ) -> None:
         self.hover_thrust = hover_thrust
         self.thrust_share = 1.0
@@ -128,6 +145,7 @@ class Quadrotor:
             0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rest, rest, rest
         )
         self._delay = _Delay(delay_s, dt_s)
+        self._angle_delays = _AngleDelays(angle_delays_s, dt_s) if any(angle_delays_s) else None
 
     @property
     def state(self) -> VehicleState:
@@ -142,6 +160,8 @@ class Quadrotor:
 
     def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
         q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
+        if self._angle_delays is not None:
+            q_wxyz = self._angle_delays.through(q_wxyz)
         self._thrust_n = thrust * self.thrust_share * self._full_thrust_n
         if self.on_ground():
             if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:

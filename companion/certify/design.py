@@ -14,7 +14,7 @@ from companion.certify.sampled import largest_adaptation_rate
 
 PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s
 BOUND_PLACES: Final = Decimal("0.001")
-SAMPLED_SHARE: Final = 0.5  # of the adaptation rate at which sampling would make it unstable
+SAMPLED_SHARE: Final = 0.8  # of the adaptation rate at which sampling would make it unstable
 _NUDGE: Final = Decimal("1.2")  # by how much bandwidth and delay are improved in turn, to see which of them limits
 
 
@@ -61,7 +61,7 @@ def design(
     problem
         The template's axes with the identified responses in place of its own.
     margin
-        By how much the attitude bandwidth may fall short of the identified one, as a fraction of what is left.
+        What the reference model is certified with in hand: the attitude loop slower, and its delay longer, by so much.
     degrees
         Of the Lyapunov functions to try.
 
@@ -103,8 +103,11 @@ def design(
 
 
 def slower(axis: AxisProblem, margin: Decimal) -> AxisProblem:
-    """The same axis with a smaller attitude bandwidth: the tuned one is `1 + margin` times it."""
-    return with_bandwidth(axis, tuned_bandwidth(axis.response) / (1 + margin))
+    """The same axis with an attitude bandwidth `1 + margin` times smaller, and a delay as many times longer."""
+    slow = with_bandwidth(axis, tuned_bandwidth(axis.response) / (1 + margin))
+    delay = slow.response.delay_s
+    late = Interval(delay.lower * (1 + margin), delay.upper * (1 + margin))
+    return replace(slow, response=replace(slow.response, delay_s=late))
 
 
 def rates(axes: Mapping[str, AxisProblem], sampling: Mapping[str, Sampling]) -> tuple[Decimal, Decimal, bool]:

@@ -15,6 +15,7 @@ class Angle(Section):
     bandwidth_rad_s: Positive | None = None
     natural_frequency_rad_s: Positive | None = None
     damping_ratio: Positive | None = None
+    delay_s: Annotated[NonNegative, Field(le=0.5)] = 0.0  # of this angle, on top of `setpoint_delay_s`
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Angle:

@@ -205,14 +205,18 @@ def lean(
     The trim is the bias weights' force: what a steady wind needs. Out: the state of a vehicle that flies this, and the
     set-point.
     """
-    along = math.tan(math.atan(-state.x.bias_weight) - pitch_rad)
-    across = 0.0 if params.one_axis else math.tan(math.atan(-state.y.bias_weight) + roll_rad)
-    _, _, up = state.force
-    c, s = math.cos(state.flown.yaw_rad), math.sin(state.flown.yaw_rad)
+    x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing = state
+    c, s = math.cos(flown.yaw_rad), math.sin(flown.yaw_rad)
+    along = math.tan(math.atan(-x.bias_weight) - pitch_rad)
+    across = 0.0 if params.one_axis else math.tan(math.atan(-y.bias_weight) + roll_rad)
     if params.one_axis:
         along, across, up, _, _ = limits.limit_level(params.limits, math.sin(math.atan(along)))
     else:
-        along, across, up, _, _ = limits.limit(params.limits, up * along, up * across, up, state.hover.hover_thrust)
-    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, state.flown.yaw_rad)
-    thrust = min(size * state.hover.hover_thrust, params.limits.thrust_max)
-    return state._replace(force=(along, across, up), thrust=thrust), AttitudeSetpoint(qw, qx, qy, qz, thrust)
+        along, across, up, _, _ = limits.limit(params.limits, up * along, up * across, up, lift.hover_thrust)
+    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, flown.yaw_rad)
+    thrust = min(size * lift.hover_thrust, params.limits.thrust_max)
+    force = (along, across, up)
+    return (
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing),
+        AttitudeSetpoint(qw, qx, qy, qz, thrust),
+    )

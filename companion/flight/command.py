@@ -14,7 +14,8 @@ from companion.flight.process import FlightProcess
 from companion.flight.say import Speaker
 from companion.flight.service import Notifier, prepare_process
 from companion.mavlink.guest import door_of
-from companion.mavlink.link import LinkError, open_link
+from companion.mavlink.link import Link, LinkError, open_link
+from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.sharing import Door
 from companion.record.folder import new_folder, open_folder
 from companion.record.recorder import EVENT
@@ -40,7 +41,7 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
         recorder = open_folder(folder, arguments.config, config, blocking=False)
         speaker = Speaker()
         notifier = Notifier()
-        door = _door(link.name, speaker)
+        door = _door(link, speaker)
         try:
             speaker.say(f"link {link.name}, log {folder}")
             for line in prepare_process(config.service):
@@ -75,10 +76,10 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
 
 
-def _door(url: str, speaker: Speaker) -> Door | None:
+def _door(link: Link, speaker: Speaker) -> Door | None:
     """A door for `companion vehicle` and `companion logs`; without one the flight is none the worse."""
     try:
-        return Door(door_of(url))
+        return Door(door_of(link.name), ON_A_LINE if link.stream else ON_A_NETWORK)
     except LinkError as error:
         speaker.say(str(error))
         return None

@@ -175,11 +175,14 @@ def _axis_windows(grid: Floats, moved: Floats, other: Floats, width: int) -> lis
             continue
         pauses = np.flatnonzero(np.diff(within) > pause)
         last = int(within[pauses[0]]) if len(pauses) else int(within[-1])
-        end = min(last + after, limit - 2, len(grid) - 1)  # before the movement that disturbs
-        windows.append((float(grid[first]), float(grid[end])))
-        k = int(np.searchsorted(active, end))
-        k = max(k, int(np.searchsorted(active, last, side="right")))
-    return [(a - _BEFORE_S, b) for a, b in windows if b - a >= _SHORTEST_S]
+        alone = min(last + after, limit)
+        if alone == limit and ((active >= limit) & (active < limit + width)).any():
+            last = limit  # both axes move on together, as where position is held again: its answer is worth having
+        end = min(last + after, len(grid) - 1)
+        if (alone - first) * _STEP_S >= _SHORTEST_S:
+            windows.append((float(grid[first]) - _BEFORE_S, float(grid[end])))
+        k = max(int(np.searchsorted(active, end)), int(np.searchsorted(active, last, side="right")))
+    return windows
 
 
 def _onset(moved: Floats, at: int, width: int) -> int:

@@ -34,7 +34,8 @@ TOPICS: Final = (
 )
 GAINS: Final = ("MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K")
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
-_FOLLOWING: Final = {14: "OFFBOARD", 15: "Stabilized", 1: "Altitude"}  # nav states: set-points come from outside
+_OFFBOARD: Final = 14  # VehicleStatus.NAVIGATION_STATE_OFFBOARD
+_FOLLOWING: Final = (_OFFBOARD, 15, 1)  # with Stabilized and Altitude: attitude set-points come from outside
 _AT_LIMIT: Final = 0.995
 _CLOCK_TOLERANCE_S: Final = 0.0
 
@@ -123,21 +124,22 @@ def _following(path: Path, log: ULog, end_s: float) -> Floats:
         raise LogError(f"{path}: no vehicle_status: it cannot be told when the vehicle followed set-points: log it")
     time_s, keep = _times(path, status, "vehicle_status")
     armed = status["arming_state"][keep] == _ARMED
-    followed = spans(time_s, armed & np.isin(status["nav_state"][keep], list(_FOLLOWING)), end_s)
+    followed = spans(time_s, armed & np.isin(status["nav_state"][keep], _FOLLOWING), end_s)
     control = _topic(log, "vehicle_control_mode")
     if control is not None and "flag_control_attitude_enabled" in control:
         time_s, keep = _times(path, control, "vehicle_control_mode")
         enabled = control["flag_control_attitude_enabled"][keep].astype(bool)
         followed = intersect(followed, spans(time_s, enabled, end_s))
     offboard = _topic(log, "offboard_control_mode")
-    if offboard is not None and "attitude" in offboard and offboard["attitude"].any():
-        time_s, keep = _times(path, offboard, "offboard_control_mode")
-        others = spans(time_s, ~offboard["attitude"][keep].astype(bool), end_s)
-        for start, stop in others:  # OFFBOARD by position or velocity: PX4's own controller makes the set-points
-            followed = np.concatenate(
-                [intersect(followed, np.array([[-np.inf, start]])), intersect(followed, np.array([[stop, np.inf]]))]
-            )
-    return followed[np.argsort(followed[:, 0])] if len(followed) else followed
+    if offboard is not None and "attitude" in offboard:
+        asked_s, kept = _times(path, offboard, "offboard_control_mode")
+        others = spans(asked_s, ~offboard["attitude"][kept].astype(bool), end_s)
+        status_s, keep = _times(path, status, "vehicle_status")
+        by_others = intersect(spans(status_s, status["nav_state"][keep] == _OFFBOARD, end_s), others)
+        for start, stop in by_others:  # by position or velocity: PX4's own controller makes the set-points
+            outside = np.array([[-np.inf, start], [stop, np.inf]])
+            followed = intersect(followed, outside)
+    return followed
 
 
 def _saturated(log: ULog) -> Floats:

@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout, decode_cold
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import BESIDE_A_FLIGHT, DATA_BYTES
+from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE, Pace
 
 # What is not hot: what a tool may want to know, and nothing that comes at the loop's rate.
 COLD: Final = frozenset(
@@ -92,10 +92,10 @@ class _LogRequest(NamedTuple):
     def of(cls, frame: Frame) -> _LogRequest:
         return cls(frame.system_id, frame.component_id, frame.sequence, _REQUEST_DATA.unpack(frame.payload))
 
-    def split(self) -> tuple[bytes, _LogRequest | None]:
-        """The frame that asks for the first small burst, and what is left."""
+    def split(self, frames: int) -> tuple[bytes, _LogRequest | None]:
+        """The frame that asks for the first burst of so many frames, and what is left."""
         offset, count = self.values[_OFFSET], self.values[_COUNT]
-        piece = min(count, BESIDE_A_FLIGHT.burst_frames * DATA_BYTES)
+        piece = min(count, frames * DATA_BYTES)
 
         def values(begin: int, length: int) -> tuple[int, ...]:
             changed = {_OFFSET: begin, _COUNT: length}
@@ -109,13 +109,14 @@ class _LogRequest(NamedTuple):
 
 
 class Door:
-    """The flying process's side. Attributes: `attached` whether a guest is there; `refused` frames of his.
+    """The flying process's side. Attributes: `attached` whether a guest is there; `refused` frames of his. `pace`: of the bursts in which a log is asked for.
 
     Raises `LinkError` with one line where it cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, pace: Pace = ON_A_LINE) -> None:
         self.path = path
+        self._pace = pace
         self.attached = False
         self.refused = 0
         self._guest: str | bytes = ""
@@ -151,10 +152,10 @@ class Door:
         return self._burst(now_s) or self._question(now_s)
 
     def _burst(self, now_s: float) -> bytes:
-        if self._log is None or now_s - self._log_s < BESIDE_A_FLIGHT.interval_s:
+        if self._log is None or now_s - self._log_s < self._pace.interval_s:
             return b""
         self._log_s = now_s
-        frame, self._log = self._log.split()
+        frame, self._log = self._log.split(self._pace.burst_frames)
         return frame
 
     def _question(self, now_s: float) -> bytes:

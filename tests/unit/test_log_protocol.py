@@ -87,8 +87,10 @@ def fetched(wire: Wire, fetch: LogFetch, until: int | None = None, timeout_s: fl
 )
 def test_every_byte_comes_whatever_is_lost(size: int, lost: float, shuffled: bool, seed: int, frames: int) -> None:
     log = synthetic_log(size, seed)
-    wire = Wire([synthetic_log(100), log], lost, seed, shuffled=shuffled)
-    entry = listed(wire).entries[1]
+    logs = [synthetic_log(100), log]
+    entry = listed(Wire(logs)).entries[1]
+    wire = Wire(logs, lost, seed, shuffled=shuffled)
+    wire.vehicle.request_list(mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
     fetch = LogFetch(1, 1, entry, pace=Pace(max(frames, size // 9000), 0.0))
     assert fetched(wire, fetch) == log.data
     assert lost or shuffled or fetch.repeated == 0

@@ -16,7 +16,7 @@ from companion.mavlink.client import open_shared
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.guest import GuestLink, door_of, doors_of
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import BESIDE_A_FLIGHT, DATA_BYTES
+from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE
 from companion.mavlink.sharing import COLD, Door, question
 
 REQUEST_DATA = Layout("LOG_REQUEST_DATA")
@@ -123,13 +123,13 @@ def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: Door, gues
             assert (values["id"], values["target_system"], values["target_component"]) == (3, 1, 1)
             asked.append((now_s, values["ofs"], values["count"]))
         now_s += 0.004
-    size = BESIDE_A_FLIGHT.burst_frames * DATA_BYTES
+    size = ON_A_LINE.burst_frames * DATA_BYTES
     assert [(offset, count) for _, offset, count in asked] == [
         (4500, size),
         (4500 + size, size),
         (4500 + 2 * size, 1000 - 2 * size),
     ]
-    assert min(b[0] - a[0] for a, b in pairwise(asked)) >= BESIDE_A_FLIGHT.interval_s
+    assert min(b[0] - a[0] for a, b in pairwise(asked)) >= ON_A_LINE.interval_s
 
 
 def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: Door, guest: GuestLink) -> None:

@@ -63,8 +63,8 @@ def rates_only(topics: Topics) -> None:
 
 
 def offboard_by_position(topics: Topics) -> None:
-    """The position set-points' last second is attitude's, so that the flag is not just never set."""
-    topics["offboard_control_mode"]["attitude"][:-10] = 0
+    topics["offboard_control_mode"]["attitude"][:] = 0
+    topics["offboard_control_mode"]["position"][:] = 1
 
 
 def _angles(topic: dict[str, Any], name: str) -> tuple[Any, Any]:
@@ -144,7 +144,10 @@ CHANGES: dict[str, tuple[Change, str]] = {
     ),
     "disarmed": (disarmed, r"the vehicle was never armed in a mode that follows attitude set-points"),
     "rates only": (rates_only, r"the vehicle was never armed in a mode that follows attitude set-points"),
-    "OFFBOARD by position": (offboard_by_position, rf"too little excitation: {FLY}"),
+    "OFFBOARD by position": (
+        offboard_by_position,
+        r"the vehicle was never armed in a mode that follows attitude set-points",
+    ),
     "wrong sign": (wrong_sign, r"wrong sign: roll goes against its set-point: check the frames"),
     "clipped": (clipped, r"saturated: roll goes \d+ % of its set-point"),
     "too large": (too_large, r"saturated: the roll set-point reaches \d+ deg, and beyond 35 deg"),
