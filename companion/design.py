@@ -78,14 +78,16 @@ def _with_response(text: str, template: Config, identification: Identification, 
         if angle not in identification.axes:
             raise ConfigError(identification.refused[angle])
         found = identification.axes[angle]
+        # A log that keeps a set-point every so often shows each later than it was in force, by half of that on average.
+        more_s = arguments.link_delay + 0.5 * found.lateness_s
         values = dict(response(found)) if arguments.intervals else _rounded(found.chosen.named())
-        values["delay_s"] = _plus(values.get("delay_s", 0.0), arguments.link_delay)
+        values["delay_s"] = _plus(values.get("delay_s", 0.0), more_s)
         changes["attitude", axis] = _flow({"pade_order": section.pade_order, **values})
         notes["attitude", axis] = note(identification, found)
         plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
-            changes[plant] = _flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), arguments.link_delay)})
+            changes[plant] = _flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
     if ("vehicle", "parameters") in known and identification.gains:
@@ -209,6 +211,12 @@ def _show(
     console.print(
         f"[bold green]Certified[/bold green]: {arguments.out}, {certificate_path(arguments.out)}", soft_wrap=True
     )
+    lateness_s = max(axis.lateness_s for axis in identification.axes.values())
+    if lateness_s:
+        console.print(
+            f"[yellow]The log keeps a set-point every {1e3 * lateness_s:.0f} ms only: half of it was added to each delay. "
+            "With the tlog of the flight beside it the delay is known.[/yellow]"
+        )
     if identification.clock != OURS and not arguments.link_delay:
         console.print(
             "[yellow]The delay of the link is not in a ULog: give it by --link-delay, or the tlog of the flight "

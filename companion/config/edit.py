@@ -38,24 +38,29 @@ def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, st
         For a path that the text does not have.
     """
     places = _places(text)
-    for path in sorted(changes, key=lambda p: places[p].start, reverse=True):  # from the end: marks before stay true
+    newline = "\r\n" if "\r\n" in text else "\n"
+    edits: list[tuple[int, int, str]] = []  # from, to, and what comes there
+    remarks: dict[int, list[str]] = {}  # by the start of the line that they go above
+    for path, value in changes.items():
         place = places[path]
-        old = text[place.start : place.end]
-        newline = "\r\n" if "\r\n" in text else "\n"
-        line_start = text.rfind("\n", 0, place.key_start) + 1
+        anchor = f"&{place.anchor} " if place.anchor else ""
+        edits.append((place.start, place.end, anchor + value))
+        above = remarks.setdefault(text.rfind("\n", 0, place.key_start) + 1, [])
+        if notes and path in notes:
+            above.append(f"# {notes[path]}")
+        inside = re.findall(r"(?:^|(?<=\s))#[^\r\n]*", text[place.start : place.end])
+        above += [remark.rstrip() for remark in inside]  # kept, on lines of their own
+    for line_start, lines in remarks.items():
         indent = re.match(r"[ \t]*", text[line_start:])
         assert indent is not None  # it matches nothing, too
-        remarks = re.findall(r"(?:^|(?<=\s))#[^\r\n]*", old)  # inside the old value: kept, on lines of their own
-        above = text[:line_start]
-        note = (notes or {}).get(path)
-        if note is not None:
-            previous = above.rstrip("\r\n").rfind("\n") + 1
-            if above[previous:].lstrip().startswith(f"# {note.split(' ', 1)[0]} "):
-                above = above[:previous]
-            remarks.insert(0, f"# {note}")
-        lines = "".join(f"{indent.group()}{remark.rstrip()}{newline}" for remark in remarks)
-        anchor = f"&{place.anchor} " if place.anchor else ""
-        text = above + lines + text[line_start : place.start] + anchor + changes[path] + text[place.end :]
+        first = line_start
+        previous = text[:line_start].rstrip("\r\n").rfind("\n") + 1
+        said = text[previous:line_start].lstrip()
+        if any(line.split(" ", 2)[:2] == said.split(" ", 2)[:2] for line in lines if said.startswith("# ")):
+            first = previous  # of the time before
+        edits.append((first, line_start, "".join(f"{indent.group()}{line}{newline}" for line in lines)))
+    for start, end, new in sorted(edits, reverse=True):  # from the end: places before stay true
+        text = text[:start] + new + text[end:]
     return text
 
 

@@ -62,9 +62,10 @@ def write(path: Path, identification: Identification) -> None:
             kept = {k: v for k, v in before["attitude"][key].items() if k == _KEPT}
             wanted[key] = {**response(identification.axes[axis]), **kept}
     try:
-        for key, values in wanted.items():  # one by one: both may stand on one line
-            said: dict[KeyPath, str] = {("attitude", key): note(identification, identification.axes[CONFIG_AXES[key]])}
-            text = edited(text, {("attitude", key): _flow(values)}, said)
+        said: dict[KeyPath, str] = {
+            ("attitude", key): note(identification, identification.axes[CONFIG_AXES[key]]) for key in wanted
+        }
+        text = edited(text, {("attitude", key): _flow(values) for key, values in wanted.items()}, said)
         same = yaml.safe_load(text) == {**before, "attitude": {**before["attitude"], **wanted}}
     except (KeyError, yaml.YAMLError):
         same = False
