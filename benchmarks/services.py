@@ -184,7 +184,7 @@ def tool(kind: str, url: str, seconds: float) -> None:
 class Inside:
     """In place of the door: mavsdk in the flying process itself, its threads asking for parameters all the while."""
 
-    def __init__(self, _: Path) -> None:
+    def __init__(self, *_: object) -> None:
         self.attached = True
         self._attachment = Attachment(1, 192)
         self._busy = Path(os.environ["SERVICES_BUSY"])

@@ -57,6 +57,7 @@ def _identifying(parser: argparse.ArgumentParser) -> None:
         "--identify",
         dest="overrides",
         action="append_const",
+        default=[],
         const="mission={identification: {}}",
         help="fly attitude doublets for `companion identify` instead of the mission",
     )

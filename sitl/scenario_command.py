@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -18,6 +19,8 @@ from companion.record.folder import new_folder
 from sitl.campaign import Bases, fly_all
 from sitl.scenario import QUADROTOR, RIG, Flown
 from sitl.scenarios import by_name, pick
+
+_WIDE = 130  # a terminal that has room for what happens in each
 
 
 def run_scenarios(arguments: argparse.Namespace, shipped: Path) -> int:
@@ -90,15 +93,19 @@ def _keep_failed(flown: list[Flown], folder: Path) -> Path | None:
 
 
 def _print_table(flown: list[Flown], console: Console) -> None:
-    table = Table(title="Scenarios")
-    for heading in ("scenario", "what happens", "expected", "happened"):
-        table.add_column(heading)
-    table.add_column("worst error, m", justify="right")
+    explained = console.width >= _WIDE
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("scenario", no_wrap=True)
+    if explained:
+        table.add_column("what happens")
+    table.add_column("expected", no_wrap=True)
+    table.add_column("happened", no_wrap=True)
+    table.add_column("error, m", justify="right", no_wrap=True)
     table.add_column("verdict")
     for one in flown:
         table.add_row(
             one.name,
-            by_name(one.name).about,
+            *([by_name(one.name).about] if explained else []),
             one.expected,
             one.reason,
             "-" if one.worst_error_m is None else f"{one.worst_error_m:.3f}",

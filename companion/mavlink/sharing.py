@@ -109,8 +109,9 @@ class _LogRequest(NamedTuple):
 
 
 class Door:
-    """The flying process's side. Attributes: `attached` whether a guest is there; `refused` frames of his. `pace`: of the bursts in which a log is asked for.
+    """The flying process's side. `pace`: of the bursts in which a log is asked for.
 
+    Attributes: `attached` whether a guest is there; `refused` frames of his.
     Raises `LinkError` with one line where it cannot be opened.
     """
 
