@@ -21,6 +21,7 @@ from companion.certify.statement import Json
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.certification import certificate_path, problem
 from companion.config.edit import KeyPath, edited, key_paths
+from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS, LogError
 from companion.identify.write import CONFIG_AXES, note, response
@@ -183,6 +184,18 @@ def _to_json(chosen: Design, template: Config, identification: Identification, o
     }
 
 
+def _in_words(fit: ModelFit) -> str:
+    words = [
+        f"{1e3 * value:.1f} ms"
+        if key == "delay_s"
+        else f"{value:.2f} rad/s"
+        if key.endswith("rad_s")
+        else f"ζ {value:.2f}"
+        for key, value in fit.named().items()
+    ]
+    return f"{', '.join(words)} (fit {fit.fit:.4f})"
+
+
 def _show(
     chosen: Design,
     template: Config,
@@ -194,14 +207,12 @@ def _show(
     table.add_column(style="bold")
     table.add_column(justify="right")
     for angle, axis in identification.axes.items():
-        values = ", ".join(f"{key.removesuffix('_rad_s').removesuffix('_s').replace('_', ' ')} {value:.4g}"
-                           for key, value in axis.chosen.named().items())  # fmt: skip
-        table.add_row(f"{angle}: {axis.chosen.model.title}", f"{values}  (fit {axis.chosen.fit:.4f})")
+        table.add_row(f"{angle}, {axis.chosen.model.title}", _in_words(axis.chosen))
     for name, value in chosen.fastest_rad_s.items():
-        table.add_row(f"fastest reference model, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
+        table.add_row(f"fastest reference, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
     table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
                                        f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
-    table.add_row("margin of the attitude bandwidth", f"{100 * arguments.margin:g} %")
+    table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")
     table.add_row("limited by", _limits(chosen))
     table.add_row(
         f"adaptation rate at {template.tick.floor_hz:g} Hz",
@@ -214,8 +225,8 @@ def _show(
     lateness_s = max(axis.lateness_s for axis in identification.axes.values())
     if lateness_s:
         console.print(
-            f"[yellow]The log keeps a set-point every {1e3 * lateness_s:.0f} ms only: half of it was added to each delay. "
-            "With the tlog of the flight beside it the delay is known.[/yellow]"
+            f"[yellow]The log keeps a set-point every {1e3 * lateness_s:.0f} ms only: half of it was added to each "
+            "delay. With the tlog of the flight beside it the delay is known.[/yellow]"
         )
     if identification.clock != OURS and not arguments.link_delay:
         console.print(

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from companion.config import Config, ConfigError
+from companion.config.schema import PaperSection
 from companion.flight.authority import Reason
 from companion.flight.runtime import Status
 from companion.mavlink.link import LinkError
@@ -82,9 +83,9 @@ def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
     if config.mission.identification is not None:
         return _report_identification(outcomes["hedged"], arguments, console)
     flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
-    from sitl.figures import draw_paper_figures  # noqa: PLC0415 - matplotlib takes its time
+    from sitl.figures import draw_figures  # noqa: PLC0415 - matplotlib takes its time
 
-    figures = draw_paper_figures(config, flown, folder)
+    figures = draw_figures(config, flown, folder)
     report = _report(arguments.config, outcomes)
     (folder / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     if arguments.json:
@@ -165,6 +166,8 @@ def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object
                 "peak_error_m": o.metrics.peak_error_m if o.metrics else None,
                 "rms_error_m": o.metrics.rms_error_m if o.metrics else None,
                 "stable": bool(o.complete and o.metrics and o.metrics.stable),
+                "tracking_rms_m": o.metrics.tracking_rms_m if o.metrics else None,
+                "steady_error_m": o.metrics.steady_error_m if o.metrics and o.metrics.steady_error_m >= 0.0 else None,
             }
             for name, o in outcomes.items()
         },
@@ -173,32 +176,7 @@ def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object
 
 
 def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console) -> None:
-    paper = config.paper
-    table = Table(title=f"{paper.table if paper else 'Tracking error'}: error against the ideal reference, m")
-    table.add_column("controller")
-    for metric in ("peak", "RMS"):
-        if paper:
-            table.add_column(f"{metric} paper", justify="right")
-        table.add_column(f"{metric} ours", justify="right")
-        if paper:
-            table.add_column("off by", justify="right")
-    for name, outcome in outcomes.items():
-        row = [name]
-        published = getattr(paper, name) if paper else None
-        for metric in ("peak_error_m", "rms_error_m"):
-            if published:
-                row.append(f"{getattr(published, metric):.4f}")
-            if outcome.metrics is None or not outcome.complete:
-                row += ["failed", "-"] if published else ["failed"]
-            elif not outcome.metrics.stable:
-                row += ["[bold red]UNSTABLE[/bold red]", "-"] if published else ["[bold red]UNSTABLE[/bold red]"]
-            else:
-                ours = getattr(outcome.metrics, metric)
-                row.append(f"{ours:.4f}")
-                if published:
-                    row.append(f"{100.0 * (ours / getattr(published, metric) - 1.0):+.1f} %")
-        table.add_row(*row)
-    console.print(table)
+    console.print(_own_table(outcomes) if config.paper is None else _paper_table(config.paper, outcomes))
     for name, outcome in outcomes.items():
         if outcome.metrics is not None and outcome.complete and not outcome.metrics.stable:
             console.print(
@@ -207,3 +185,44 @@ def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console)
             )
     factor = realtime_factor(list(outcomes.values()))
     console.print(f"flown at {factor:.1f} x real time in all, {config.tick.rate_hz:g} ticks a second over UDP")
+
+
+def _own_table(outcomes: dict[str, Outcome]) -> Table:
+    """What a flight of one's own was like."""
+    table = Table(title="Distance, m: from the ideal reference (x, y), the one tracked (x, y, z), the target at rest")
+    table.add_column("controller")
+    for heading in ("peak", "RMS", "tracking RMS", "at rest, worst stair"):
+        table.add_column(heading, justify="right")
+    for name, outcome in outcomes.items():
+        metrics = outcome.metrics
+        if metrics is None or not outcome.complete:
+            table.add_row(name, f"[bold red]{outcome.summary.reason.value}[/bold red]", *["-"] * 3)
+        elif not metrics.stable:
+            table.add_row(name, "[bold red]UNSTABLE[/bold red]", *["-"] * 3)
+        else:
+            numbers = (metrics.peak_error_m, metrics.rms_error_m, metrics.tracking_rms_m, metrics.steady_error_m)
+            table.add_row(name, *(f"{number:.3f}" for number in numbers))
+    return table
+
+
+def _paper_table(paper: PaperSection, outcomes: dict[str, Outcome]) -> Table:
+    """The paper's figures and ours."""
+    table = Table(title=f"{paper.table}: error against the ideal reference, m")
+    table.add_column("controller")
+    for metric in ("peak", "RMS"):
+        for heading in (f"{metric} paper", f"{metric} ours", "off by"):
+            table.add_column(heading, justify="right")
+    for name, outcome in outcomes.items():
+        row = [name]
+        for metric in ("peak_error_m", "rms_error_m"):
+            published = getattr(getattr(paper, name), metric)
+            row.append(f"{published:.4f}")
+            if outcome.metrics is None or not outcome.complete:
+                row += ["failed", "-"]
+            elif not outcome.metrics.stable:
+                row += ["[bold red]UNSTABLE[/bold red]", "-"]
+            else:
+                ours = getattr(outcome.metrics, metric)
+                row += [f"{ours:.4f}", f"{100.0 * (ours / published - 1.0):+.1f} %"]
+        table.add_row(*row)
+    return table

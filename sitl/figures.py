@@ -96,8 +96,45 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
         plt.close(figure)
 
 
-def draw_paper_figures(config: Config, flights: dict[str, Flight], folder: Path) -> list[Path]:
-    """Every figure of the paper that the config names, and the comparison. Returns the paths written."""
+def draw_free_flight(flights: dict[str, Flight], path: Path) -> None:
+    """North, east and altitude against the target, and the tracking error in space, of every controller."""
+    with plt.rc_context(_STYLE):
+        figure, panels = plt.subplots(4, 1, sharex=True, figsize=(9, 9))
+        colours = {"hedged": _HEDGED, "standard": _MEASURED}
+        for controller, flight in flights.items():
+            ticks = _in_control(flight)
+            t = ticks["time_s"] - ticks["time_s"][0]
+            for place, (panel, sign) in enumerate(zip(panels[:3], (1.0, 1.0, -1.0), strict=True)):
+                if controller == next(iter(flights)):
+                    panel.plot(
+                        t, sign * ticks["target_ned_m"][:, place], color=_COMMAND, lw=1.2, ls="--", label="target"
+                    )
+                panel.plot(
+                    t, sign * ticks["position_ned_m"][:, place], color=colours[controller], lw=1.3,
+                    label=TITLES[controller],
+                )  # fmt: skip
+            error = ticks["position_m"] - ticks["reference_position_m"]
+            distance = np.hypot(
+                np.hypot(error[:, 0], error[:, 1]), ticks["position_ned_m"][:, 2] - ticks["reference_z_m"]
+            )
+            label = f"{TITLES[controller]}: RMS {1e3 * np.sqrt(np.mean(distance**2)):.0f} mm"
+            panels[3].plot(t, 1e3 * distance, color=colours[controller], lw=1.3, label=label)
+        for panel, text in zip(
+            panels, ("north [m]", "east [m]", "altitude [m]", "off its reference [mm]"), strict=True
+        ):
+            panel.set_ylabel(text)
+        panels[0].legend(loc="upper right", fontsize=9)
+        panels[3].set_ylim(0.0, 1.35 * panels[3].get_ylim()[1])  # room for the legend
+        panels[3].legend(loc="upper right", fontsize=9, ncols=2)
+        panels[3].set_xlabel("time [s]")
+        panels[0].set_title("Free flight: the same stairs, wind and load for both controllers")
+        figure.tight_layout()
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def draw_figures(config: Config, flights: dict[str, Flight], folder: Path) -> list[Path]:
+    """Every figure of the paper that the config names, and one of both controllers. Returns the paths written."""
     paths = []
     for key, name in (config.paper.figures if config.paper else {}).items():
         controller, _, letter = key.rpartition("_")
@@ -106,7 +143,11 @@ def draw_paper_figures(config: Config, flights: dict[str, Flight], folder: Path)
             with_velocity = config.vehicle.kind == "quadrotor"
             draw_axis(flights[controller], "xy".index(letter), controller, name, path, with_velocity=with_velocity)
             paths.append(path)
-    if len(flights) > 1:
+    if flights and config.controller.anchor == "setpoint":  # its control frame moves: NED is what shows a flight
+        path = folder / "free_flight.png"
+        draw_free_flight(flights, path)
+        paths.append(path)
+    elif len(flights) > 1:
         path = folder / "comparison.png"
         draw_comparison(flights, config, path)
         paths.append(path)

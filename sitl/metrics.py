@@ -13,14 +13,22 @@ from companion.flight.authority import State
 from companion.record.reader import Flight
 
 _NOT_JUDGED_M = 0.05
+_STEADY_S = 3.0  # of each stair: its end
+_STAIR_S = 5.0  # at least, or nothing is steady
 
 
 class Metrics(NamedTuple):
-    """Error against the ideal reference over the whole of the flight in control."""
+    """Error against the ideal reference over the whole of the flight in control, (26) and (29); and what pilots ask.
+
+    `tracking_rms_m` is the distance in space from the reference that the controller tracks, the hedged one if it
+    hedges; `steady_error_m` the mean distance from the target at the end of a stair, of the worst one, NaN without any.
+    """
 
     peak_error_m: float
     rms_error_m: float
     stable: bool
+    tracking_rms_m: float
+    steady_error_m: float
 
 
 def largest_step_m(config: Config) -> float:
@@ -32,8 +40,9 @@ def largest_step_m(config: Config) -> float:
 def score(config: Config, flight: Flight) -> Metrics:
     """Metrics of one flight. Raises `ValueError` when it was never in control.
 
-    A flight is unstable when it still swings in its last quarter: by more than half of all it swung, or with an RMS
-    above half the largest step of the command. Swings below 5 cm are not judged.
+    A flight is unstable when it still swings in its last quarter: by more than half of all it swung, unless wind, noise
+    or the link keep it moving, or with an RMS above half the largest step of the command. Swings below 5 cm are not
+    judged.
     """
     ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
     if not len(ticks):
@@ -47,5 +56,36 @@ def score(config: Config, flight: Flight) -> Metrics:
     quarter = max(1, len(distance) // 4)
     swing, late_swing = (float(np.ptp(e, axis=0).max()) for e in (error, error[-quarter:]))
     step = largest_step_m(config)
-    swings_on = late_swing > 0.5 * swing or 0.0 < 0.5 * step < rms(distance[-quarter:])
-    return Metrics(float(distance.max()), rms(distance), swing < _NOT_JUDGED_M or not swings_on)
+    plant = config.plant
+    disturbed = plant is not None and (plant.wind is not None or plant.sensors is not None or plant.link is not None)
+    swings_on = (late_swing > 0.5 * swing and not disturbed) or 0.0 < 0.5 * step < rms(distance[-quarter:])
+    return Metrics(
+        float(distance.max()),
+        rms(distance),
+        swing < _NOT_JUDGED_M or not swings_on,
+        rms(_tracking(config, ticks)),
+        _steady(ticks),
+    )
+
+
+def _tracking(config: Config, ticks: np.ndarray) -> np.ndarray:
+    """Distance from the tracked reference, m, by tick."""
+    error = ticks["position_m"] - ticks["reference_position_m"]
+    if config.vehicle.kind == "rig":
+        return np.asarray(np.abs(error[:, 0]))
+    return np.asarray(
+        np.hypot(np.hypot(error[:, 0], error[:, 1]), ticks["position_ned_m"][:, 2] - ticks["reference_z_m"])
+    )
+
+
+def _steady(ticks: np.ndarray) -> float:
+    """Mean distance from the target over the last seconds of a stair, m: of the worst stair."""
+    time_s, target = ticks["time_s"], ticks["target_ned_m"]
+    changes = np.flatnonzero(np.any(np.diff(target, axis=0) != 0.0, axis=1)) + 1
+    distance = np.linalg.norm(ticks["position_ned_m"] - target, axis=1)
+    means = []
+    for first, end in pairwise([0, *changes, len(ticks)]):
+        last_s = time_s[end - 1]
+        if last_s - time_s[first] >= _STAIR_S:
+            means.append(float(distance[first:end][time_s[first:end] > last_s - _STEADY_S].mean()))
+    return max(means, default=math.nan)
