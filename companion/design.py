@@ -38,6 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
     if not 0.0 <= arguments.margin < 1.0:
         raise ConfigError(f"--margin {arguments.margin:g}: a fraction from 0 to below 1, as in 0.1 for 10 %")
+    if not out.parent.is_dir():
+        raise ConfigError(f"{out}: cannot write: no such folder")
     template = load_config(arguments.template)
     if not 0.0 <= arguments.link_delay < 0.5:
         raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
@@ -47,14 +49,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigError(str(error)) from None
     text = arguments.template.read_text(encoding="utf-8")
     with_response = _with_response(text, template, identification, arguments)
-    stated = problem(load_text(with_response, out, arguments.template.parent))
+    stated = problem(load_text(with_response, out, out.parent))
     console = Console(stderr=arguments.json)
     chosen = _design(stated, arguments, console)
     if chosen is None:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
     designed = edited(with_response, _changes(with_response, chosen, template))
-    certificate = _certified(problem(load_text(designed, out, arguments.template.parent)), arguments.degree)
+    certificate = _certified(problem(load_text(designed, out, out.parent)), arguments.degree)
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin or --degree.")
         return 1
@@ -180,6 +182,7 @@ def _to_json(chosen: Design, template: Config, identification: Identification, o
         "fastest_natural_frequency_rad_s": {name: float(value) for name, value in chosen.fastest_rad_s.items()},
         "limited_by": chosen.limited_by,
         "limited_by_sampling": chosen.sampled,
+        "cost_of_10_ms_rad_s": float(chosen.cost_of_10_ms_rad_s),
         "responses": {name: axis.chosen.named() for name, axis in identification.axes.items()},
     }
 
@@ -214,6 +217,7 @@ def _show(
                                        f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
     table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")
     table.add_row("limited by", _limits(chosen))
+    table.add_row("10 ms more of delay would cost", f"{chosen.cost_of_10_ms_rad_s:.2f} rad/s")
     table.add_row(
         f"adaptation rate at {template.tick.floor_hz:g} Hz",
         f"{chosen.adaptation_rate}" + (", lowered for the sampling" if chosen.sampled else ""),

@@ -35,6 +35,8 @@ class Design(NamedTuple):
         "attitude bandwidth" or "delay": whichever, a fifth better, would allow the faster reference model.
     sampled
         Whether the adaptation rates had to come down for the tick rate.
+    cost_of_10_ms_rad_s
+        By how much the fastest certified reference model would be slower with 10 ms more of delay.
     """
 
     natural_frequency_rad_s: Decimal
@@ -46,6 +48,7 @@ class Design(NamedTuple):
     slowest: str
     limited_by: str
     sampled: bool
+    cost_of_10_ms_rad_s: Decimal
 
 
 def design(
@@ -99,6 +102,7 @@ def design(
         slowest,
         _limit(slowed[slowest]),
         sampled,
+        fastest[slowest] - _with_10_ms_more(slowed[slowest]),
     )
 
 
@@ -113,16 +117,17 @@ def slower(axis: AxisProblem, margin: Decimal) -> AxisProblem:
 def rates(axes: Mapping[str, AxisProblem], sampling: Mapping[str, Sampling]) -> tuple[Decimal, Decimal, bool]:
     """(adaptation rate, bias adaptation rate, whether they came down) that sampling allows on every axis.
 
-    The template's where its strength is within `SAMPLED_SHARE` of what sampling bears, else both scaled down alike.
+    The first axis's where their strength is within `SAMPLED_SHARE` of what sampling bears on each, else both scaled
+    down alike.
     """
     scale = 1.0
+    first = next(iter(sampling.values()))
     for name, sampled in sampling.items():
         regressor = float(sampled.position_m) ** 2 + float(sampled.velocity_m_s) ** 2
         alone = replace(sampled, bias_adaptation_rate=Decimal(0))
         bearable = largest_adaptation_rate(axes[name], alone) * regressor  # strength, in all
-        strength = float(sampled.adaptation_rate) * regressor + float(sampled.bias_adaptation_rate)
+        strength = float(first.adaptation_rate) * regressor + float(first.bias_adaptation_rate)
         scale = min(scale, SAMPLED_SHARE * bearable / strength if strength else 1.0)
-    first = next(iter(sampling.values()))
     if scale >= 1.0:
         return first.adaptation_rate, first.bias_adaptation_rate, False
     return _figures(first.adaptation_rate, scale), _figures(first.bias_adaptation_rate, scale), True
@@ -139,6 +144,14 @@ def _limit(axis: AxisProblem) -> str:
     by_delay = 0 if with_less_delay is None else with_less_delay.value
     by_bandwidth = 0 if with_more_bandwidth is None else with_more_bandwidth.value
     return "delay" if by_delay > by_bandwidth else "attitude bandwidth"
+
+
+def _with_10_ms_more(axis: AxisProblem) -> Decimal:
+    """The fastest reference model with that much more delay, rad/s; zero where none is certified."""
+    delay, more = axis.response.delay_s, Decimal("0.01")
+    late = replace(axis.response, delay_s=Interval(delay.lower + more, delay.upper + more))
+    found = fastest_reference(replace(axis, response=late), (2,))
+    return Decimal(0) if found is None else found.value
 
 
 def _rounded(bounds: tuple[Decimal, Decimal], way: str) -> tuple[Decimal, Decimal]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from companion.config.base import Positive, Section
 from companion.control.types import GRAVITY_M_S2
+
+SMALLEST_DEG: Final = 2.0  # of an amplitude: below it `companion identify` sees no manoeuvre
 
 
 class IdentificationSection(Section):
@@ -17,10 +19,10 @@ class IdentificationSection(Section):
     A doublet is one pulse to one side, two to the other and one back: it ends where it began, at rest.
     """
 
-    amplitude_deg: Annotated[float, Field(ge=2.0, le=20.0)] = 8.0
+    amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] = 8.0
     pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5  # several times 1/bandwidth, or the end of it is never seen
     pause_s: Positive = 4.0
-    repeats: Annotated[int, Field(ge=2, le=20)] = 4  # of each axis: the intervals come from how they differ
+    repeats: Annotated[int, Field(ge=3, le=20)] = 4  # of each axis: the intervals come from how they differ
 
     @property
     def excursion_m(self) -> float:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from companion.config.controller import AxisSection, ControllerSection
 from companion.config.guards import FenceSection
-from companion.config.identification import IdentificationSection
+from companion.config.identification import SMALLEST_DEG, IdentificationSection
 from companion.config.mission import MissionSection
 
 
@@ -58,16 +58,25 @@ def check_excursion(controller: ControllerSection, fence: FenceSection, flown: I
         half = 0.5 * min(abs(side) for side in sides)
         if half < room:
             room, what = half, f"half of guards.fence ({half:g})"
+    fastest = controller.envelope.velocity_m_s
     if flown.excursion_m > room:
         raise ValueError(
             f"mission.identification: a doublet goes {flown.excursion_m:.2g} m to the side, beyond {what}: "
-            f"an amplitude_deg of {flown.amplitude_for_deg(room):.2g} would not, nor would a shorter pulse_s"
+            + _remedy(flown, room)
         )
-    if flown.speed_m_s > controller.envelope.velocity_m_s:
+    if flown.speed_m_s > fastest:
         raise ValueError(
             f"mission.identification: a doublet reaches {flown.speed_m_s:.2g} m/s, beyond "
-            f"controller.envelope.velocity_m_s ({controller.envelope.velocity_m_s:g}): make pulse_s shorter"
+            f"controller.envelope.velocity_m_s ({fastest:g}): " + _remedy(flown, fastest * flown.pulse_s)
         )
+
+
+def _remedy(flown: IdentificationSection, excursion_m: float) -> str:
+    """What stays within an excursion; rounded down, so that it does."""
+    amplitude = math.floor(10.0 * flown.amplitude_for_deg(excursion_m)) / 10.0
+    if amplitude < SMALLEST_DEG:
+        return "make pulse_s shorter"
+    return f"an amplitude_deg of {amplitude:g} would not, nor would a shorter pulse_s"
 
 
 def _lag_s(axis: AxisSection) -> float:
