@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +27,10 @@ from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS, LogError
 from companion.identify.write import CONFIG_AXES, note, response
 
+# Up to the first key of a `vehicle` in block style, where a key may be put before it.
+_FIRST_OF_VEHICLE: Final = re.compile(
+    r"^vehicle:[ \t]*(?:#.*)?\n(?:[ \t]*(?:#.*)?\n)*(?=(?P<indent>[ \t]+)[^\s#{&*])", re.MULTILINE
+)
 _SEARCH_DEGREES: Final = (2,)  # degree 4 gives 3 % more for twenty times the work
 
 
@@ -93,9 +98,13 @@ def _with_response(text: str, template: Config, identification: Identification, 
             changes[plant] = _flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
+    gains = _flow(identification.gains)
     if ("vehicle", "parameters") in known and identification.gains:
-        changes["vehicle", "parameters"] = _flow(identification.gains)
-    return edited(text, changes, notes)
+        changes["vehicle", "parameters"] = gains
+    text = edited(text, changes, notes)
+    if ("vehicle", "parameters") not in known and identification.gains:
+        text = _FIRST_OF_VEHICLE.sub(lambda m: f"{m[0]}{m['indent']}parameters: {gains}\n", text, count=1)
+    return text
 
 
 def _design(stated: Problem, arguments: argparse.Namespace, console: Console) -> Design | None:

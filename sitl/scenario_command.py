@@ -94,14 +94,14 @@ def _keep_failed(flown: list[Flown], folder: Path) -> Path | None:
 
 def _print_table(flown: list[Flown], console: Console) -> None:
     explained = console.width >= _WIDE
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     table.add_column("scenario", no_wrap=True)
     if explained:
         table.add_column("what happens")
     table.add_column("expected", no_wrap=True)
     table.add_column("happened", no_wrap=True)
-    table.add_column("error, m", justify="right", no_wrap=True)
-    table.add_column("verdict")
+    table.add_column("err, m", justify="right", no_wrap=True)
+    table.add_column("verdict", min_width=7)
     for one in flown:
         table.add_row(
             one.name,

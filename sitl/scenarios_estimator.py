@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from companion.flight.authority import Reason
+from sitl.environment import Wind
 from sitl.estimator import Lag, Noise
-from sitl.faults import BecomeNaN, Doubt, Drift, Freeze, GetNoisy, Jump, JumpClock, LagBehind, LoseGps
+from sitl.faults import BecomeNaN, Blow, Doubt, Drift, Freeze, GetNoisy, Jump, JumpClock, LagBehind, LoseGps, Mute
 from sitl.health import WITHOUT_HORIZONTAL
 from sitl.scenario import Scenario
 from sitl.scenarios_flight import DONE, HOVER, LONG_HOVER, STEP
+
+_ESTIMATOR_STATUS: Final = 230
 
 ESTIMATOR: Final = (
     Scenario(
@@ -68,6 +72,26 @@ ESTIMATOR: Final = (
         overrides=HOVER,
         by_s=3.0,
         stays_within_m=0.3,
+    ),
+    Scenario(
+        "estimator_silent",
+        "the estimator no longer tells its flags, and loses its position",
+        Reason.ESTIMATOR_FLAGS,
+        ((2.0, Mute(_ESTIMATOR_STATUS)), (2.5, Doubt(flags=WITHOUT_HORIZONTAL))),
+        overrides=HOVER,
+        by_s=4.6,
+        stays_within_m=0.3,
+        events=("blind",),
+    ),
+    Scenario(
+        "variance_silent",
+        "the estimator no longer tells its variance",
+        Reason.POSITION_VARIANCE,
+        ((2.0, Doubt(position_m2=math.nan)),),
+        overrides=HOVER,
+        by_s=4.5,
+        stays_within_m=0.3,
+        events=("blind",),
     ),
     Scenario(
         "reset_small",
@@ -162,6 +186,17 @@ ESTIMATOR: Final = (
         by_s=2.5,
         stays_within_m=2.0,
         margin_m=8.0,
+    ),
+    Scenario(
+        "freeze_hover",
+        "in hover the estimate repeats itself, and wind comes up",
+        Reason.POSE_STALE,
+        ((0.5, GetNoisy(Noise(0.002, 0.01, 0.002, 0.3))), (3.0, Freeze()), (3.1, Blow(Wind((3.0, 0.0, 0.0))))),
+        overrides=HOVER,
+        by_s=3.4,
+        stays_within_m=0.3,
+        margin_m=8.0,
+        coast_s=1.0,
     ),
     Scenario(
         "not_a_number",

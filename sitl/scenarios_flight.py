@@ -143,7 +143,7 @@ FLIGHT: Final = (
         error_m=0.2,
     ),
     Scenario(
-        "steered_out_of_the_fence",
+        "steered_out_of_fence",
         "a command beyond the fence is refused",
         DONE,
         ((1.0, Steer((6.0, 0.0, 0.0))),),

@@ -17,15 +17,24 @@ _SICK: Final = LoseMotor(1.0)
 GUARDS: Final = (
     Scenario(
         "fence",
-        "the mission leads out of the fence",
+        "a step up to the fence, and wind that takes it over",
         Reason.FENCE,
+        ((3.0, Blow(Wind((9.0, 0.0, 0.0)))),),
         overrides=(
             RATE,
             "mission.duration_s=8",
-            "mission.waypoints=[{at_s: 1, offset_ned_m: [1.5, 0, 0]}]",
-            "guards.fence={enabled: true, radius_m: 1}",
+            "mission.waypoints=[{at_s: 1, offset_ned_m: [1, 0, 0]}]",
+            "guards.fence={enabled: true, radius_m: 1.2}",
         ),
-        stays_within_m=1.2,
+        stays_within_m=1.5,
+        margin_m=4.0,
+    ),
+    Scenario(
+        "hover_thrust",
+        "30 % too light for the hover thrust of its config: the loop's gain is as much too high",
+        Reason.HOVER_THRUST,
+        overrides=(*LONG_HOVER, "plant.mismatch={mass: 0.7}", "vehicle.hover_thrust_source=config"),
+        stays_within_m=1.0,
     ),
     Scenario(
         "fence_box",
@@ -108,7 +117,7 @@ GUARDS: Final = (
         "the battery gives out",
         Reason.THRUST_SATURATION,
         ((1.0, Sag(0.1)),),
-        overrides=LONG_HOVER,
+        overrides=(*LONG_HOVER, "guards.hover_thrust.enabled=false"),
         stays_within_m=6.0,
         error_m=2.0,
     ),

@@ -13,6 +13,7 @@ from sitl.scenario import Scenario
 from sitl.scenarios_flight import DONE, HOVER, LONG_HOVER, STEP
 
 _HEARTBEAT: Final = 0
+_TIMESYNC: Final = 111
 _ODOMETRY: Final = 331
 _CURRENT_MODE: Final = 436
 # PX4 without a stream: COM_OBL_RC_ACT is Position, there are no sticks, NAV_RCL_ACT is Return.
@@ -175,6 +176,15 @@ LINK: Final = (
         ((1.0, Impair(Impairments(0.08), Impairments(0.08))),),
         overrides=(*LONG_HOVER, "guards.link_jitter_s.enabled=false"),
         stays_within_m=0.5,
+    ),
+    Scenario(
+        "timesync_silent",
+        "TIMESYNC is not answered any more: that nobody sees the link's delay is told, and it flies on",
+        DONE,
+        ((1.0, Mute(_TIMESYNC)),),
+        overrides=HOVER,
+        stays_within_m=0.3,
+        events=("blind",),
     ),
     Scenario(
         "link_jitter",

@@ -9,7 +9,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import Final, NamedTuple
 
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
-from companion.certify.problem import AxisProblem, Interval, Problem, Sampling
+from companion.certify.problem import AxisProblem, Interval, Problem, Sampling, nominal_weights
 from companion.certify.sampled import largest_adaptation_rate
 
 PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s
@@ -88,14 +88,14 @@ def design(
     frequency = fastest[slowest].quantize(PLACES, ROUND_FLOOR)
     progress(0.8, f"axis {slowest}: what limits it")
     chosen = with_natural_frequency(problem.axes[slowest], frequency)
-    lower, upper = _rounded(chosen.weights_lower, ROUND_FLOOR), _rounded(chosen.weights_upper, ROUND_CEILING)
+    position, velocity = _bounds(chosen)
     gamma, bias, sampled = rates(
         {name: with_natural_frequency(axis, frequency) for name, axis in problem.axes.items()}, problem.sampling
     )
     return Design(
         frequency,
-        (lower[0], upper[0]),
-        (lower[1], upper[1]),
+        position,
+        velocity,
         gamma,
         bias,
         fastest,
@@ -154,9 +154,18 @@ def _with_10_ms_more(axis: AxisProblem) -> Decimal:
     return Decimal(0) if found is None else found.value
 
 
-def _rounded(bounds: tuple[Decimal, Decimal], way: str) -> tuple[Decimal, Decimal]:
-    position, velocity = (bound.quantize(BOUND_PLACES, way) for bound in bounds)
-    return position, velocity
+def _bounds(axis: AxisProblem) -> list[tuple[Decimal, Decimal]]:
+    """Of position and velocity, rounded inwards, so that what was certified covers them; outwards of the nominal."""
+    bounds = []
+    for lower, nominal, upper in zip(axis.weights_lower, nominal_weights(axis), axis.weights_upper, strict=True):
+        low, high = lower.quantize(BOUND_PLACES, ROUND_CEILING), upper.quantize(BOUND_PLACES, ROUND_FLOOR)
+        bounds.append(
+            (
+                low if low <= nominal else lower.quantize(BOUND_PLACES, ROUND_FLOOR),
+                high if high >= nominal else upper.quantize(BOUND_PLACES, ROUND_CEILING),
+            )
+        )
+    return bounds
 
 
 def _figures(rate: Decimal, scale: float) -> Decimal:

@@ -79,8 +79,10 @@ class Guards(Section):
     pose_age_s: GuardSection = GuardSection(limit=0.25)
     heartbeat_age_s: GuardSection = GuardSection(limit=3.0)
     pose_rate_hz: DerivedGuardSection = DerivedGuardSection(timeout_s=1.0)  # default: tick.floor_hz
-    clock_jump_s: EventGuardSection = EventGuardSection(limit=0.25)  # from one time stamp to the next, either way
-    link_delay_s: DerivedGuardSection = DerivedGuardSection(timeout_s=1.0)  # default: the longest certified delay
+    clock_jump_s: EventGuardSection = EventGuardSection(limit=0.25)  # from one time stamp to the next; never above 1 s
+    link_delay_s: DerivedGuardSection = DerivedGuardSection(
+        timeout_s=1.0
+    )  # default: what the certified delay leaves to the link
     link_jitter_s: GuardSection = GuardSection(limit=0.15, timeout_s=1.0)
     # where the estimator thinks we are
     estimator_flags: CountGuardSection = CountGuardSection(limit=0, timeout_s=0.3)  # needed flags that may be missing
@@ -93,6 +95,7 @@ class Guards(Section):
     tracking_error_m: GuardSection = GuardSection(limit=1.5, timeout_s=0.5)
     tilt_deg: GuardSection = GuardSection(limit=60.0, timeout_s=0.2)
     tilt_error_deg: GuardSection = GuardSection(limit=25.0, timeout_s=0.5)
+    hover_thrust: GuardSection = GuardSection(limit=0.2, timeout_s=3.0)  # flown over believed, less one
     attitude_response_deg: GuardSection = GuardSection(limit=8.0, timeout_s=0.5)
     weights_on_bound: CountGuardSection = CountGuardSection(limit=2, timeout_s=10.0)  # weights that may rest there
     thrust_saturation: GuardSection = GuardSection(limit=0.5, timeout_s=1.0)  # share of the last second's ticks
@@ -116,8 +119,21 @@ class Guards(Section):
 
 def certified_delay_s(attitude: AttitudeSection) -> float:
     """The longest delay for which every axis is certified; zero where the certificate knows of none."""
+    return min(upper for _, upper in _delays(attitude))
+
+
+def link_share_s(attitude: AttitudeSection) -> float:
+    """What the link may take of the certified delay, which is that of the vehicle and the link together.
+
+    Of an interval its width, since the vehicle alone has the lower end; of a plain number all of it, for lack of
+    knowledge; zero where the certificate knows of no delay.
+    """
+    return min(upper - lower if upper > lower else upper for lower, upper in _delays(attitude))
+
+
+def _delays(attitude: AttitudeSection) -> list[tuple[float, float]]:
     delays = [section.delay_s for section in (attitude.x, attitude.y) if section is not None]
-    return min(max(delay) if isinstance(delay, tuple) else delay for delay in delays)
+    return [delay if isinstance(delay, tuple) else (delay, delay) for delay in delays]
 
 
 def check_delay(guards: Guards, attitude: AttitudeSection) -> None:

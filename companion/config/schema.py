@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
 from companion.config.base import Id, Number, Positive, Section
+from companion.config.consistency import check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
 from companion.config.guards import Guards, ReleaseSection, check_delay
 from companion.config.link import LinkSection, TickSection
@@ -76,8 +77,9 @@ class Config(Section):
             raise ValueError("vehicle.hover_thrust must lie between controller.limits.thrust_min and thrust_max")
         if (self.link.system_id, self.link.component_id) == (self.vehicle.system_id, self.vehicle.component_id):
             raise ValueError("link.system_id and component_id are the vehicle's own: the companion needs others")
-        if self.steering.enabled and not self.guards.fence.enabled:
-            raise ValueError("steering.enabled needs guards.fence.enabled: a live command may ask for any place")
+        check_guards(self.guards, self.controller, self.tick)
+        check_fence(self.guards.fence, self.mission)
+        check_steering(self.steering, self.guards.fence, self.controller)
         check_reach(self.controller, self.mission)
         if self.mission.identification is not None:
             check_excursion(self.controller, self.guards.fence, self.mission.identification)

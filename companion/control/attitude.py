@@ -16,9 +16,16 @@ def extract(force_x: float, force_y: float, force_z: float, yaw_rad: float) -> A
 
     The force must not vanish nor lie along the heading: the caller limits tilt well below 90 degrees.
     """
+    qw, qx, qy, qz, magnitude = orient(force_x, force_y, force_z, math.cos(yaw_rad), math.sin(yaw_rad))
+    return AttitudeSetpoint(qw, qx, qy, qz, magnitude)
+
+
+def orient(
+    force_x: float, force_y: float, force_z: float, hx: float, hy: float
+) -> tuple[float, float, float, float, float]:
+    """The same for a heading given as its cosine and sine, as plain numbers."""
     magnitude = math.sqrt(force_x * force_x + force_y * force_y + force_z * force_z)
     zx, zy, zz = -force_x / magnitude, -force_y / magnitude, -force_z / magnitude
-    hx, hy = math.cos(yaw_rad), math.sin(yaw_rad)
     yx, yy, yz = -zz * hy, zz * hx, zx * hy - zy * hx  # b3 x heading
     norm = math.sqrt(yx * yx + yy * yy + yz * yz)
     yx, yy, yz = yx / norm, yy / norm, yz / norm
@@ -27,15 +34,15 @@ def extract(force_x: float, force_y: float, force_z: float, yaw_rad: float) -> A
     trace = xx + yy + zz
     if trace > 0.0:
         s = 2.0 * math.sqrt(1.0 + trace)
-        return AttitudeSetpoint(0.25 * s, (yz - zy) / s, (zx - xz) / s, (xy - yx) / s, magnitude)
+        return 0.25 * s, (yz - zy) / s, (zx - xz) / s, (xy - yx) / s, magnitude
     if xx >= yy and xx >= zz:
         s = 2.0 * math.sqrt(1.0 + xx - yy - zz)
-        return AttitudeSetpoint((yz - zy) / s, 0.25 * s, (yx + xy) / s, (zx + xz) / s, magnitude)
+        return (yz - zy) / s, 0.25 * s, (yx + xy) / s, (zx + xz) / s, magnitude
     if yy >= zz:
         s = 2.0 * math.sqrt(1.0 + yy - xx - zz)
-        return AttitudeSetpoint((zx - xz) / s, (yx + xy) / s, 0.25 * s, (zy + yz) / s, magnitude)
+        return (zx - xz) / s, (yx + xy) / s, 0.25 * s, (zy + yz) / s, magnitude
     s = 2.0 * math.sqrt(1.0 + zz - xx - yy)
-    return AttitudeSetpoint((xy - yx) / s, (zx + xz) / s, (zy + yz) / s, 0.25 * s, magnitude)
+    return (xy - yx) / s, (zx + xz) / s, (zy + yz) / s, 0.25 * s, magnitude
 
 
 def thrust_direction(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:

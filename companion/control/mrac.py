@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from companion.control.projection import adapt
-from companion.control.reference_model import Transition
 
 
 class AxisParams(NamedTuple):
@@ -106,7 +105,7 @@ def start(
 def step(
     params: AxisParams,
     state: AxisState,
-    over: Transition,
+    over: tuple[float, float, float, float, float, float],
     shift_m: float,
     position_m: float,
     velocity_m_s: float,
@@ -116,9 +115,9 @@ def step(
 ) -> tuple[AxisState, AxisOutput]:
     """One tick: move both references to now, adapt, and command.
 
-    `over` is the reference model's own over `dt_s`; `shift_m` is how far the anchor has moved along the axis since the
-    last tick: the references and the command before move the other way, since the double integrator does not care
-    where its origin is.
+    `over` is the reference model's `Transition` over `dt_s`; `shift_m` is how far the anchor has moved along the axis
+    since the last tick: the references and the command before move the other way, since the double integrator does not
+    care where its origin is.
 
     The command u was held over the tick while the actuator output w moved; the hedge therefore takes the mean of w at
     its two ends. Without hedging the reference is the ideal one.

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint
-from companion.control.reference_model import transition
+from companion.control.reference_model import discretise
 from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
 
 
@@ -167,15 +167,14 @@ def step(
         anchor_x, anchor_y, shift_x, shift_y, ahead, aside = command_x, command_y, ahead, aside, 0.0, 0.0
     now = in_control_frame(odometry, anchor_x, anchor_y, c, s, thrust / hover_thrust)
     at_x, vx, wx, at_y, vy, wy = now
-    over = transition(params_x.natural_frequency_rad_s, params_x.damping_ratio, dt_s)
+    omega, damping = params_x[0], params_x[1]
+    over = discretise(omega, damping, dt_s)
     x, out_x = mrac.step(params_x, x, over, shift_x, at_x, vx, wx, ahead, dt_s)
     if one_axis:
         out_y, up = mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), 1.0
     else:
-        if params_y.natural_frequency_rad_s != params_x.natural_frequency_rad_s or (
-            params_y.damping_ratio != params_x.damping_ratio
-        ):
-            over = transition(params_y.natural_frequency_rad_s, params_y.damping_ratio, dt_s)
+        if params_y[0] != omega or params_y[1] != damping:
+            over = discretise(params_y[0], params_y[1], dt_s)
         y, out_y = mrac.step(params_y, y, over, shift_y, at_y, vy, wy, aside, dt_s)
         lowest, highest, ratio = thrust_min / hover_thrust, thrust_max / hover_thrust, hover_before / hover_thrust
         z, up = altitude.step(
@@ -189,7 +188,7 @@ def step(
         along, across, up, cut, up_cut = limits.limit_level(bounds, along)
     else:
         along, across, up, cut, up_cut = limits.limit(bounds, along, across, up, hover_thrust)
-    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, yaw)
+    qw, qx, qy, qz, size = attitude.orient(c * along - s * across, s * along + c * across, -up, c, s)
     thrust = min(size * hover_thrust, thrust_max)
     return (
         PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing),
@@ -213,7 +212,7 @@ def lean(
         along, across, up, _, _ = limits.limit_level(params.limits, math.sin(math.atan(along)))
     else:
         along, across, up, _, _ = limits.limit(params.limits, up * along, up * across, up, lift.hover_thrust)
-    qw, qx, qy, qz, size = attitude.extract(c * along - s * across, s * along + c * across, -up, flown.yaw_rad)
+    qw, qx, qy, qz, size = attitude.orient(c * along - s * across, s * along + c * across, -up, c, s)
     thrust = min(size * lift.hover_thrust, params.limits.thrust_max)
     force = (along, across, up)
     return (

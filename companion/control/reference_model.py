@@ -27,6 +27,14 @@ def transition(natural_frequency_rad_s: float, damping_ratio: float, dt_s: float
     With ``σ = ζωn``: ``exp(A_r t) = e^{-σt} (C I + S (A_r + σI))``; C and S are cos and sin/ω below critical damping,
     cosh and sinh/ω above it, and 1 and t at it. ``Γ = A_r⁻¹ (Φ - I) [0, 1]ᵀ``.
     """
+    phi11, phi12, phi21, phi22, gamma1, gamma2 = discretise(natural_frequency_rad_s, damping_ratio, dt_s)
+    return Transition(phi11, phi12, phi21, phi22, gamma1, gamma2)
+
+
+def discretise(
+    natural_frequency_rad_s: float, damping_ratio: float, dt_s: float
+) -> tuple[float, float, float, float, float, float]:
+    """The same as plain numbers, for the tick."""
     stiffness = natural_frequency_rad_s * natural_frequency_rad_s
     sigma = damping_ratio * natural_frequency_rad_s
     discriminant = stiffness - sigma * sigma
@@ -45,7 +53,7 @@ def transition(natural_frequency_rad_s: float, damping_ratio: float, dt_s: float
     phi11 = decay * (c + s * sigma)
     phi12 = decay * s
     phi22 = decay * (c - s * sigma)
-    return Transition(phi11, phi12, -stiffness * phi12, phi22, (1.0 - phi11) / stiffness, phi12)
+    return phi11, phi12, -stiffness * phi12, phi22, (1.0 - phi11) / stiffness, phi12
 
 
 def propagate(

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.flight.reasons import MEANING, Reason
 from companion.mavlink.px4 import Mode
 
-__all__ = ["MEANING", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
+__all__ = ["BY_STICKS", "MEANING", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
 
 
 class State(IntEnum):
@@ -28,6 +28,9 @@ TAKEN: Final = frozenset({Reason.MODE_CHANGED, Reason.DISARMED, Reason.KILLED})
 # Control ended as somebody wanted it; every other end is a fault. A failsafe of the vehicle's own is a fault too.
 ORDINARY: Final = frozenset({Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED})
 
+# Modes that somebody with sticks chooses. Hold, Return, Land and the like a failsafe chooses too.
+BY_STICKS: Final = frozenset({Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION})
+
 
 class Known(NamedTuple):
     """What the transition looks at."""
@@ -38,7 +41,7 @@ class Known(NamedTuple):
     armed: bool
     fault: Reason | None  # of a guard, the operator or the mission
     killed: bool = False
-    hands_off: bool = False  # OFFBOARD was being flown when we came
+    hands_off: bool = False  # OFFBOARD was flown or set when we came
 
 
 def advance(state: State, known: Known) -> tuple[State, Reason | None]:
@@ -68,14 +71,18 @@ def hands_off(before: bool | None, mode: int, intended: int | None, *, armed: bo
     """Whether OFFBOARD was being flown by somebody before us, who may be ourselves before a restart.
 
     PX4 flies OFFBOARD again by itself as soon as a stream comes, even out of a failsafe, for as long as OFFBOARD is
-    what was last asked for. So a companion that comes up beside an armed vehicle with that intention sends nothing
-    until somebody has chosen another mode or disarmed. None: not told yet (`before` at first contact; `intended`, the
-    intended_custom_mode of CURRENT_MODE that goes with `mode`, until it has come). Once it is False it stays so.
+    what was last asked for; and on the ground it stays in OFFBOARD when it has landed by itself and disarmed, so that
+    arming it would be to fly. So a companion that comes up beside a vehicle with that intention sends nothing until
+    somebody has chosen another mode; to disarm is enough only where that leaves OFFBOARD. None: not told yet (`before`
+    at first contact; `intended`, the intended_custom_mode of CURRENT_MODE that goes with `mode`, until it has come).
+    Once it is False it stays so.
     """
-    if before is False or not armed:
+    if before is False:
         return False
     if Mode.OFFBOARD in (mode, intended):
         return True
+    if not armed:
+        return False
     return before if intended is None else False
 
 

@@ -13,7 +13,7 @@ from companion.mavlink import px4
 from companion.mavlink.codec import Frame
 from companion.mavlink.px4 import Mode, mode_name
 
-_CURRENT_MODE_S: Final = 2.0  # a vehicle that has not sent CURRENT_MODE by then does not know it
+_CURRENT_MODE_S: Final = 2.0  # a vehicle that has not told by CURRENT_MODE what is intended by then does not know it
 
 
 class Changes:
@@ -26,7 +26,7 @@ class Changes:
         self._flight = flight
         self._warning = warning
         self._checking_since_s = 0.0
-        self._told_mode = False
+        self._told_intention = False
 
     def hear(self, frame: Frame) -> None:
         """A HEARTBEAT or CURRENT_MODE: the pilot's switch counts before the next sample does."""
@@ -35,7 +35,7 @@ class Changes:
         if port.note(frame):
             flight.heartbeat_at_s = flight.now_s
         elif frame.message_id == CURRENT_MODE.message_id:
-            self._told_mode = True
+            self._told_intention = self._told_intention or port.intended_mode is not None
             if port.mode != mode:  # whether it is armed is told by the heartbeat alone, which may be a second old
                 flight.send(px4.request_message(*flight.ids, HEARTBEAT.message_id))
         self.decide()
@@ -62,7 +62,7 @@ class Changes:
     def decide(self) -> None:
         """Ask the transition function, and enter the state it names."""
         flight = self._flight
-        if flight.aloof is not False and flight.port.connected:
+        if (flight.aloof is not False or flight.state is State.CHECKING) and flight.port.connected:
             self._look_whose()
         state, reason = authority.advance(flight.state, self._known())
         if state is flight.state:
@@ -84,7 +84,7 @@ class Changes:
         rate = flight.preflight.rate_hz
         detail = f"{flight.pose.message} at {rate:.0f} Hz" if rate else ""
         if flight.aloof:
-            detail += ", hands off: OFFBOARD was being flown; choose another mode or disarm first"
+            detail += f", hands off: {self._whose()}"
         flight.event(state.name.lower(), detail)
         flight.say(f"{state.name.lower()} {detail}".strip())
 
@@ -111,15 +111,28 @@ class Changes:
         )
 
     def _look_whose(self) -> None:
-        """Whether OFFBOARD is somebody else's, until it is certain that it is not."""
+        """Whether OFFBOARD is somebody else's, until it is certain at stand-by that it is not."""
         flight, port = self._flight, self._flight.port
-        before, intended = flight.aloof, port.intended_mode
-        if intended is None and not self._told_mode and flight.now_s - self._checking_since_s > _CURRENT_MODE_S:
-            intended = port.mode if flight.state is not State.CONNECTING else None
+        standby = flight.state is State.STANDBY
+        before, intended = flight.aloof if standby else flight.aloof or None, port.intended_mode
+        # A vehicle that does not tell what is intended: a failsafe looks like the pilot, unless the pilot has sticks.
+        patience_s = _CURRENT_MODE_S + self._checking_since_s
+        untold = not self._told_intention and flight.state is not State.CONNECTING and flight.now_s > patience_s
+        if intended is None and untold and port.mode in authority.BY_STICKS:
+            intended = port.mode
         flight.aloof = authority.hands_off(before, port.mode, intended, armed=port.armed)
-        if before and not flight.aloof and flight.state is State.STANDBY:
+        if flight.aloof is None and untold:
+            flight.aloof = True
+        if before and not flight.aloof and standby:
             flight.event("standby", "hands on: OFFBOARD is nobody's any more")
             flight.say("standby, no longer hands off")
+
+    def _whose(self) -> str:
+        """Why hands are off, for a person."""
+        port = self._flight.port
+        if port.intended_mode is None and port.mode != Mode.OFFBOARD:
+            return "armed, and it does not tell whether OFFBOARD is intended; take the sticks or disarm first"
+        return "OFFBOARD is flown or set already; choose another mode first"
 
     def _stand_by(self) -> None:
         flight = self._flight
@@ -132,7 +145,10 @@ class Changes:
         warning = self._warning or flight.preflight.stale
         if warning is not None:
             flight.tell(f"companion: UNCERTIFIED: {warning}")
-        for line in (*flight.preflight.remarks(), *(f"guard cannot see: {name}" for name in flight.watch.blind())):
+        for line in (
+            *flight.preflight.remarks(),
+            *(f"guard cannot see: {name}" for name in flight.watch.blind().values()),
+        ):
             flight.event("remark", line)
             flight.say(line)
 

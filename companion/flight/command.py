@@ -9,7 +9,7 @@ import time
 from companion.config import Config, ConfigError
 from companion.config.certification import certificate_path
 from companion.flight.authority import ORDINARY, Reason
-from companion.flight.covered import uncovered
+from companion.flight.covered import uncovered, unwatched
 from companion.flight.process import FlightProcess
 from companion.flight.say import Speaker
 from companion.flight.service import Notifier, prepare_process
@@ -44,9 +44,10 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
         door = _door(link, speaker)
         try:
             speaker.say(f"link {link.name}, log {folder}")
-            for line in prepare_process(config.service):
-                speaker.say(line)
-                recorder.add(EVENT, time.time_ns() // 1000, pack_event("process", line))
+            for name, lines in (("process", prepare_process(config.service)), ("unwatched", _unwatched(config))):
+                for line in lines:
+                    speaker.say(line)
+                    recorder.add(EVENT, time.time_ns() // 1000, pack_event(name, line))
             summary = FlightProcess(
                 config,
                 link,
@@ -83,3 +84,9 @@ def _door(link: Link, speaker: Speaker) -> Door | None:
     except LinkError as error:
         speaker.say(str(error))
         return None
+
+
+def _unwatched(config: Config) -> list[str]:
+    return [
+        f"guards.{name} is off: nobody watches what the certificate takes for granted" for name in unwatched(config)
+    ]

@@ -35,13 +35,15 @@ _FADE_S: Final = 0.5  # in which a lateness is forgotten
 class LinkDelay:
     """Round trips and lateness of one link.
 
-    Attributes: `round_trip_s`, smoothed; `jitter_s`, the lateness of the last half second; NaN until known.
+    Attributes: `round_trip_s`, smoothed; `jitter_s`, the lateness of the last half second; NaN until known, the first
+    again once it is forgotten.
     """
 
     def __init__(self) -> None:
         self._sent: deque[int] = deque(maxlen=_KEPT)
         self._least_lag_s = self._least_trip_s = math.inf
         self._at_s = -math.inf
+        self._answered_s = -math.inf
         self.round_trip_s = math.nan
         self.jitter_s = math.nan
 
@@ -56,6 +58,7 @@ class LinkDelay:
         if values[_THEIRS] == 0 or values[_OURS] not in self._sent:
             return
         self._sent.remove(values[_OURS])  # a copy of the answer says nothing new
+        self._answered_s = now_s
         trip_s = now_s - values[_OURS] * 1e-9
         before_s = trip_s if math.isnan(self.round_trip_s) else self.round_trip_s
         self.round_trip_s = before_s + _SMOOTH * (trip_s - before_s)
@@ -68,6 +71,11 @@ class LinkDelay:
         passed_s = max(now_s - self._at_s, 0.0) if self._least_lag_s < math.inf else 0.0
         self._least_lag_s = min(lag_s, self._least_lag_s + _CREEP * passed_s)
         self._late(lag_s - self._least_lag_s, now_s)
+
+    def forget(self, before_s: float) -> None:
+        """What has not been answered since then is not known any more."""
+        if self._answered_s < before_s:
+            self.round_trip_s = math.nan
 
     def restart(self) -> None:
         """The vehicle's clock began anew."""

@@ -1,6 +1,7 @@
 """`--engage`: arm, take off where the vehicle can, and ask for OFFBOARD; each step believed only when it is seen.
 
-The pilot comes first here too: a mode that was not asked for, or a disarm, ends it, and nothing more is asked.
+The pilot comes first here too: a mode that was not asked for, or a disarm, ends it, and nothing more is asked. So does
+the mode in which it began, once the vehicle has been in one that was asked for.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class Step(NamedTuple):
     command: int
     fulfilled: Callable[[Seen], bool]
     timeout_s: float
-    modes: frozenset[int]  # besides the mode in which the sequence began
+    modes: frozenset[int]  # besides the mode in which the sequence began, until one that was asked for is seen
+    wanted: int | None  # the mode that it asks for
     armed: bool  # whether the vehicle must be armed all the while
 
 
@@ -45,11 +47,18 @@ def plan(system_id: int, component_id: int, *, can_fly: bool) -> list[Step]:
     def mode_step(name: str, mode: Mode, while_in: Mode | None) -> Step:
         modes = frozenset({int(mode)} if while_in is None else {int(mode), int(while_in)})
         request = px4.set_mode(system_id, component_id, mode)
-        return Step(name, request, mavlink.MAV_CMD_DO_SET_MODE, lambda seen: seen.mode == mode, 5.0, modes, True)
+        return Step(name, request, mavlink.MAV_CMD_DO_SET_MODE, lambda seen: seen.mode == mode, 5.0, modes, mode, True)
 
     arm = px4.arm(system_id, component_id)
     armed = Step(
-        "arm", arm, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, lambda seen: seen.armed, 5.0, frozenset({Mode.HOLD}), False
+        "arm",
+        arm,
+        mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+        lambda seen: seen.armed,
+        5.0,
+        frozenset({Mode.HOLD}),
+        None,
+        False,
     )
     if not can_fly:
         return [armed, mode_step("change to OFFBOARD", Mode.OFFBOARD, Mode.HOLD)]
@@ -60,6 +69,7 @@ def plan(system_id: int, component_id: int, *, can_fly: bool) -> list[Step]:
         lambda seen: seen.mode == Mode.HOLD and seen.climbed_m > _HOVER_CLIMB_M and seen.speed_m_s < _HOVER_SPEED_M_S,
         40.0,
         frozenset({Mode.TAKEOFF, Mode.HOLD}),
+        None,
         True,
     )
     return [
@@ -76,6 +86,7 @@ class Engagement:
     def __init__(self, steps: list[Step]) -> None:
         self._steps = steps
         self._first_mode: int | None = None
+        self._left = False  # it has been in a mode that was asked for
         self._begun_s: float | None = None
         self._asked_s = 0.0
         self._answer: int | None = None
@@ -93,6 +104,11 @@ class Engagement:
                 return None, "wait: it is armed already, so --engage leaves it to its pilot"
             if seen.mode == Mode.OFFBOARD:  # what it reads after it has landed by itself: armed, it would fly on
                 return None, "wait: it is in OFFBOARD already; choose another mode first"
+        if self._steps and self._begun_s is not None:
+            taken = self._taken(self._steps[0], seen)
+            if taken is not None:
+                return None, taken
+            self._left = self._left or seen.mode == self._steps[0].wanted
         while self._steps and self._steps[0].fulfilled(seen):
             self._steps.pop(0)
             self._begun_s = None
@@ -100,10 +116,6 @@ class Engagement:
             return None, None
         step = self._steps[0]
         if self._begun_s is not None:
-            if seen.mode not in step.modes and seen.mode != self._first_mode:
-                return None, f"{step.name}: somebody chose another mode"
-            if step.armed and not seen.armed:
-                return None, f"{step.name}: somebody disarmed it"
             if now_s - self._begun_s > step.timeout_s:
                 return None, f"{step.name} within {step.timeout_s:g} s: {self._answered()}"
             # Asked again only while it has not agreed: repeated after that, a request would overrule the pilot.
@@ -114,6 +126,14 @@ class Engagement:
             self._begun_s, self._answer = now_s, None
         self._asked_s = now_s
         return step.request, None
+
+    def _taken(self, step: Step, seen: Seen) -> str | None:
+        """What somebody else has done meanwhile; looked at before the step may count as fulfilled."""
+        if seen.mode not in step.modes and (self._left or seen.mode != self._first_mode):
+            return f"{step.name}: somebody chose another mode"
+        if step.armed and not seen.armed:
+            return f"{step.name}: somebody disarmed it"
+        return None
 
     def _answered(self) -> str:
         if self._answer is None:

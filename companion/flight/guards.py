@@ -12,13 +12,15 @@ import math
 from operator import gt
 from typing import Final, NamedTuple
 
-from companion.config.guards import certified_delay_s
+from companion.config.guards import link_share_s
 from companion.config.schema import Config
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.reasons import Reason
 
 _QUATERNION_TOLERANCE: Final = 0.02
 _STILL_M_S: Final = 0.05
+_AT_REST_M_S: Final = 1e-4  # slower and nearer than any real estimate is, and an ideal plant at rest is for ever: there
+_AT_REST_M: Final = 1e-3  # float32 has no room for a difference between two samples
 
 
 class Watched(NamedTuple):
@@ -31,6 +33,7 @@ class Watched(NamedTuple):
     tilt_rad: float = math.nan
     attitude_response_rad: float = math.nan  # outside the band of the certified responses
     tilt_error_rad: float = math.nan
+    hover_thrust: float = math.nan  # how far the thrust flown is from the one believed to hover, over it
     thrust_saturation: float = math.nan  # share of the ticks
     weights_on_bound: float = math.nan
     tracking_error_m: float = math.nan
@@ -50,6 +53,7 @@ GUARDS: Final = (
     (Reason.TILT, "tilt_deg", math.pi / 180.0),
     (Reason.ATTITUDE_RESPONSE, "attitude_response_deg", math.pi / 180.0),
     (Reason.TILT_ERROR, "tilt_error_deg", math.pi / 180.0),
+    (Reason.HOVER_THRUST, "hover_thrust", 1.0),
     (Reason.THRUST_SATURATION, "thrust_saturation", 1.0),
     (Reason.WEIGHTS_ON_BOUND, "weights_on_bound", 1.0),
     (Reason.TRACKING_ERROR, "tracking_error_m", 1.0),
@@ -84,7 +88,7 @@ def limits(config: Config) -> Limits:
         "attitude_response_deg": math.inf if measuring else guards.attitude_response_deg.limit,
         "fence": 0.5,  # inside or outside
         "envelope": 1.0,  # of it
-        "link_delay_s": guards.link_delay_s.limit or certified_delay_s(config.attitude) or math.inf,
+        "link_delay_s": guards.link_delay_s.limit or link_share_s(config.attitude) or math.inf,
         "pose_rate_hz": 1.01
         / (guards.pose_rate_hz.limit or config.tick.floor_hz),  # a period, and how well it is known
     }
@@ -139,6 +143,16 @@ def repeats(before: Odometry, sample: Odometry) -> bool:
     )
 
 
+def frozen(before: Odometry, sample: Odometry, error_m: float) -> bool:
+    """Whether an estimate has stopped in control, at whatever speed: it is the same to the last bit, time aside.
+
+    `error_m`: distance from the reference. Only what is at rest exactly where it is wanted may stay as it is.
+    """
+    return before[1:] == sample[1:] and (
+        error_m > _AT_REST_M or sample.vx_m_s**2 + sample.vy_m_s**2 + sample.vz_m_s**2 > _AT_REST_M_S**2
+    )
+
+
 def all_finite(values: Odometry | AttitudeSetpoint) -> bool:
     """Whether every number is finite: one sum tells, since neither NaN nor an infinity can be added away."""
     return math.isfinite(sum(values))
@@ -146,5 +160,5 @@ def all_finite(values: Odometry | AttitudeSetpoint) -> bool:
 
 def valid_pose(sample: Odometry) -> bool:
     """Finite numbers, and a quaternion of length one; an all-zero payload has none."""
-    qw, qx, qy, qz = sample[7:]
+    _, _, _, _, _, _, _, qw, qx, qy, qz = sample
     return math.isfinite(sum(sample)) and abs(qw * qw + qx * qx + qy * qy + qz * qz - 1.0) < _QUATERNION_TOLERANCE

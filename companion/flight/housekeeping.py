@@ -10,14 +10,16 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.flight.authority import Reason, State
 from companion.flight.delay import INTERVAL_S, TIMESYNC
 from companion.flight.engage import Engagement, Seen
-from companion.flight.estimator import ESTIMATOR_STATUS, FLAGS, missing_flags
+from companion.flight.estimator import ESTIMATOR_STATUS
 from companion.flight.parameters import PARAM_VALUE
 from companion.flight.runtime import Status
 from companion.flight.service import Notifier
 from companion.flight.shared import Flight
+from companion.flight.sight import Sight
 from companion.flight.telemetry import GroundStation, system_status
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame, decode_cold
+from companion.mavlink.px4 import Mode
 
 PERIOD_S: Final = 0.1
 _HEARTBEAT_S: Final = 1.0
@@ -39,6 +41,7 @@ class Housekeeping:
         self._notifier = notifier
         self._ground_station = GroundStation(one_axis=flight.config.vehicle.kind == "rig")
         self._engagement = engagement
+        self._sight = Sight(flight)
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
         self.due_s = 0.0
@@ -53,7 +56,7 @@ class Housekeeping:
         if number == TIMESYNC.message_id:
             flight.delay.answered(frame, flight.clock_s())
         elif number == ESTIMATOR_STATUS.message_id:
-            flight.watch.missing_flags = missing_flags(ESTIMATOR_STATUS.unpack(frame.payload)[FLAGS])
+            self._sight.take(frame)
         elif number == PARAM_VALUE:
             flight.preflight.told(frame)
         elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
@@ -75,6 +78,7 @@ class Housekeeping:
             self._check()
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
+        self._sight.look()
         if flight.sample is not None and state is not State.RELEASED and clock_s >= self._timesync_s:
             self._timesync_s = clock_s + INTERVAL_S
             flight.send(flight.delay.request(flight.clock_s()))
@@ -124,7 +128,8 @@ class Housekeeping:
 
     def _engage(self, engagement: Engagement) -> None:
         flight, sample = self._flight, self._flight.sample
-        if flight.aloof:  # what is armed and flying OFFBOARD is not ours to engage, now or after it has landed
+        on_ground = not flight.port.armed and flight.port.mode == Mode.OFFBOARD  # what the engagement itself refuses
+        if flight.aloof and not on_ground:  # what flies OFFBOARD is not ours to engage, now or after it has landed
             self._engagement = None
             return
         if sample is None:

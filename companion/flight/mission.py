@@ -19,12 +19,19 @@ class Mission:
             turn = self._offsets[-1][3] if waypoint.yaw_deg is None else math.radians(waypoint.yaw_deg)
             self._offsets.append((*waypoint.offset_ned_m, turn))
         self._duration_s = section.duration_s
+        self._origin = self._command = Command(0.0, 0.0, 0.0, 0.0)
+        self._begin_s = self._end_s = math.inf  # of the leg that the command is for
 
     def command(self, elapsed_s: float, origin: Command) -> Command:
         """Where to be, `elapsed_s` after engagement at `origin`."""
-        north, east, down, turn = self._offsets[bisect_right(self._times, elapsed_s + 1e-9)]
-        x, y, z, yaw = origin
-        return Command(x + north, y + east, z + down, yaw + turn)
+        at_s = elapsed_s + 1e-9
+        if not self._begin_s <= at_s < self._end_s or origin is not self._origin:
+            after = bisect_right(self._times, at_s)
+            self._begin_s, self._end_s = (-math.inf, *self._times, math.inf)[after : after + 2]
+            north, east, down, turn = self._offsets[after]
+            x, y, z, yaw = self._origin = origin
+            self._command = Command(x + north, y + east, z + down, yaw + turn)
+        return self._command
 
     def over(self, elapsed_s: float) -> bool:
         """Whether the mission has ended; one without a duration never does."""

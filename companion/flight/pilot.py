@@ -18,9 +18,8 @@ _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 class Pilot:
     """Flies the mission of a config from wherever `take_over` finds the vehicle.
 
-    Attributes: `elapsed_s` in control; `error_m`, horizontal distance from the ideal reference, (26) or (29); `origin`,
-    where control began; `target`, where the mission or a live command wants the vehicle; `last`, what the controller
-    made of the last tick.
+    Attributes: `elapsed_s` in control; `origin`, where control began; `target`, where the mission or a live command
+    wants the vehicle; `last`, what the controller made of the last tick.
     """
 
     def __init__(self, config: Config, *, hedging: bool) -> None:
@@ -32,12 +31,11 @@ class Pilot:
         self._manoeuvre = None if flown is None else Manoeuvre(flown, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
-        self._z_m = 0.0
+        self._sample: Odometry | None = None  # of the last tick
         self._since_s = 0.0
         self.origin = self.target = Command(0.0, 0.0, 0.0, 0.0)
         self.last: position.PositionOutput | None = None
         self.elapsed_s = 0.0
-        self.error_m = 0.0
 
     def take_over(self, sample: Odometry, hover_thrust: float | None = None) -> None:
         """A bumpless start: references, anchor and mission begin where the vehicle is.
@@ -77,16 +75,12 @@ class Pilot:
     def step(self, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
         """One tick in control."""
         assert self._control is not None  # take_over comes first
-        self.elapsed_s = sample.time_s - self._since_s
+        self.elapsed_s = sample[0] - self._since_s
         if not self._steered:
             self.target = self._mission.command(self.elapsed_s, self.origin)
-        self._control, out = position.step(self._params, self._control, sample, self.target, dt_s)
-        self.last = out
-        self._z_m = sample.z_m
-        x_m = out.measured.x_m - self._control.x.ideal_position_m
-        y_m = 0.0 if self._params.one_axis else out.measured.y_m - self._control.y.ideal_position_m
-        self.error_m = math.hypot(x_m, y_m)
-        return out.setpoint if self._manoeuvre is None else self._excite(self._manoeuvre, sample)
+        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
+        self._sample = sample
+        return self.last[0] if self._manoeuvre is None else self._excite(self._manoeuvre, sample)
 
     def _excite(self, manoeuvre: Manoeuvre, sample: Odometry) -> AttitudeSetpoint:
         """The controller's set-point, or in its place that of a doublet; the controller knows what was flown."""
@@ -101,6 +95,14 @@ class Pilot:
         return setpoint
 
     @property
+    def error_m(self) -> float:
+        """Horizontal distance from the ideal reference, (26) or (29)."""
+        if self.last is None or self._control is None:
+            return 0.0
+        at, x, y = self.last.measured, self._control.x, self._control.y
+        return math.hypot(at.x_m - x.ideal_position_m, 0.0 if self._params.one_axis else at.y_m - y.ideal_position_m)
+
+    @property
     def mission_over(self) -> bool:
         """Whether the mission's time is up."""
         if self._manoeuvre is not None:
@@ -110,12 +112,12 @@ class Pilot:
     @property
     def tracking_error_m(self) -> float:
         """Distance from the reference that the controller tracks, in space: the hedged one when it hedges."""
-        if self.last is None or self._control is None:
+        if self.last is None or self._control is None or self._sample is None:
             return 0.0
         x_m, y_m = self.last.x.error_position_m, self.last.y.error_position_m
         if self._params.one_axis:
             return abs(x_m)
-        z_m = self._z_m - self._control.altitude.reference_z_m
+        z_m = self._sample.z_m - self._control.altitude.reference_z_m
         return math.sqrt(x_m * x_m + y_m * y_m + z_m * z_m)
 
     @property
@@ -133,20 +135,19 @@ class Pilot:
 
     def record(self, sample: Odometry, dt_s: float, setpoint: AttitudeSetpoint, latency_s: float, state: int) -> bytes:
         """The tick just flown, as `companion.record.schema` has it."""
-        control, out = self._control, self.last
-        assert control is not None
-        assert out is not None
-        x, y, at = control.x, control.y, out.measured
+        assert self._control is not None
+        assert self.last is not None
+        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _ = self._control
+        _, (at_x, vx, _, at_y, vy, _), (_, _, _, deficit_x), (_, _, _, deficit_y), limited, thrust_limited = self.last
+        ideal_x, ideal_vx, reference_x, reference_vx, weight_x, weight_vx, command_x, u_x, w_x, bias_x = x
+        ideal_y, ideal_vy, reference_y, reference_vy, weight_y, weight_vy, command_y, u_y, w_y, bias_y = y
         return pack_tick(
-            CDR_HEADER, sample.time_s, dt_s, *sample[1:], *self.target, *control.flown,
-            control.anchor_x_m, control.anchor_y_m,
-            at.x_m, at.y_m, at.vx_m_s, at.vy_m_s, x.command_m, y.command_m,
-            x.ideal_position_m, y.ideal_position_m, x.ideal_velocity_m_s, y.ideal_velocity_m_s,
-            x.reference_position_m, y.reference_position_m, x.reference_velocity_m_s, y.reference_velocity_m_s,
-            x.position_weight, y.position_weight, x.velocity_weight, y.velocity_weight, x.bias_weight, y.bias_weight,
-            x.control, y.control, x.actuator, y.actuator, out.x.deficit, out.y.deficit,
-            control.altitude.reference_z_m, control.hover.hover_thrust,
-            *setpoint, latency_s, state, out.limited, out.thrust_limited,
+            CDR_HEADER, sample[0], dt_s, *sample[1:], *self.target, *flown, anchor_x, anchor_y,
+            at_x, at_y, vx, vy, command_x, command_y, ideal_x, ideal_y, ideal_vx, ideal_vy,
+            reference_x, reference_y, reference_vx, reference_vy,
+            weight_x, weight_y, weight_vx, weight_vy, bias_x, bias_y, u_x, u_y, w_x, w_y, deficit_x, deficit_y,
+            altitude.reference_z_m, hover[0],
+            *setpoint, latency_s, state, limited, thrust_limited,
         )  # fmt: skip
 
 

@@ -42,7 +42,7 @@ class Port:
 
     def __init__(self, config: Config, link: Link, recorder: Recorder, *, lockstep: bool = False) -> None:
         self._link = link
-        self._recorder = recorder
+        self._record = recorder.add
         self._lockstep = lockstep
         self._parser = FrameParser(stream=link.stream)
         self._vehicle = (config.vehicle.system_id, config.vehicle.component_id)
@@ -71,16 +71,17 @@ class Port:
         kept = []
         signing = self._signing
         for frame in self._parser.feed(data):
-            if (frame.system_id, frame.component_id) == self._vehicle:
+            number, system, component, _, payload, raw = frame
+            if (system, component) == self._vehicle:
                 believed = signing is None or signing.verify(frame)
-                if believed and (self.connected or frame.message_id == HEARTBEAT.message_id):
-                    if self._lockstep and frame.message_id == ODOMETRY.message_id:
-                        (time_us,) = _sample_time(ODOMETRY.full(frame.payload))  # it is what moves our clock
-                    self._recorder.add(RECEIVED, time_us, frame.raw)
+                if believed and (self.connected or number == HEARTBEAT.message_id):
+                    if self._lockstep and number == ODOMETRY.message_id:
+                        (time_us,) = _sample_time(ODOMETRY.full(payload))  # it is what moves our clock
+                    self._record(RECEIVED, time_us, raw)
                     kept.append(frame)
-            elif frame.system_id in self._may_steer and self.connected and steer.addressed_to(frame, self._own):
+            elif system in self._may_steer and self.connected and steer.addressed_to(frame, self._own):
                 if signing is None or signing.verify(frame):
-                    self._recorder.add(RECEIVED, time_us, frame.raw)
+                    self._record(RECEIVED, time_us, raw)
                     self.steering = [*self.steering[1 - _MOST_STEERING :], frame]
             else:
                 self.foreign += 1
@@ -139,7 +140,7 @@ class Port:
         """Send somebody else's frame as it is, but for our signature."""
         frame = frame if self._signing is None else self._signing.sign(frame)
         self._link.send(frame)
-        self._recorder.add(SENT, time_us, frame)
+        self._record(SENT, time_us, frame)
 
     def send_setpoint(
         self, sample_ms: int, qw: float, qx: float, qy: float, qz: float, thrust: float, time_us: int
@@ -154,4 +155,4 @@ class Port:
     def _put(self, frame: bytes, time_us: int) -> None:
         self._sequence = self._sequence + 1 & 255
         self._link.send(frame)
-        self._recorder.add(SENT, time_us, frame)
+        self._record(SENT, time_us, frame)

@@ -17,11 +17,13 @@ ATTITUDE_QUATERNION: Final = Layout("ATTITUDE_QUATERNION")
 
 _new = tuple.__new__
 _unpack_pose = ODOMETRY.only(
-    "time_usec", "x", "y", "z", "q", "vx", "vy", "vz",
-    "pose_covariance[0]", "pose_covariance[6]", "pose_covariance[11]",  # the diagonal of its upper right triangle
-    "frame_id", "child_frame_id", "reset_counter",
+    "time_usec", "x", "y", "z", "q", "vx", "vy", "vz", "frame_id", "child_frame_id", "reset_counter",
 ).unpack_from  # fmt: skip
-_UNKNOWN: Final = (math.nan, math.nan, math.nan)
+_unpack_variance = ODOMETRY.only(  # the diagonal of the covariance's upper right triangle
+    "pose_covariance[0]", "pose_covariance[6]", "pose_covariance[11]",
+).unpack_from  # fmt: skip
+_ODOMETRY = ODOMETRY.message_id
+_BYTES = ODOMETRY.size
 _LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
 _POSITION = tuple(LOCAL_POSITION_NED.index(name) for name in ("x", "y", "z", "vx", "vy", "vz"))
 _POSITION_MS = LOCAL_POSITION_NED.index("time_boot_ms")
@@ -33,46 +35,55 @@ _ATTITUDE_AGE_MS = 50  # an attitude older than this does not belong to a positi
 class PoseSource:
     """Turns pose frames into odometry. Once ODOMETRY has been heard, the other two are ignored.
 
-    Attributes: `message` in use; `reset_counter` and `variance_ned_m2` of the last ODOMETRY, which alone has them.
+    Attributes: `message` in use; `reset_counter` of the last ODOMETRY, which alone has one.
     """
 
     def __init__(self) -> None:
         self.message = "ODOMETRY"
         self.reset_counter = 0
-        self.variance_ned_m2 = _UNKNOWN
+        self._payload: bytes | None = None  # of the last ODOMETRY
         self._settled = False
         self._attitude: tuple[float, float, float, float] | None = None
         self._attitude_ms = 0
 
     def take(self, frame: Frame) -> Odometry | None:
         """Odometry, when this frame completes one in local NED."""
-        if frame.message_id == ODOMETRY.message_id:
-            if self._settled and self.message != "ODOMETRY":
+        number, _, _, _, payload, _ = frame
+        if number == _ODOMETRY:
+            if self.message != "ODOMETRY" and self._settled:
                 return None  # its rate has not been measured
-            time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, var_x, var_y, var_z, axes, child_axes, resets = _unpack_pose(
-                ODOMETRY.full(frame.payload)
-            )
+            if len(payload) < _BYTES:
+                payload = ODOMETRY.full(payload)
+            time_us, x, y, z, qw, qx, qy, qz, vx, vy, vz, axes, child_axes, resets = _unpack_pose(payload)
             if axes != _LOCAL_NED or child_axes != _LOCAL_NED:
                 return None
             self.message = "ODOMETRY"
             self.reset_counter = resets
-            self.variance_ned_m2 = (var_x, var_y, var_z)
+            self._payload = payload
             return _new(Odometry, (time_us * 1e-6, x, y, z, vx, vy, vz, qw, qx, qy, qz))
         if self.message == "ODOMETRY":
             return None
-        if frame.message_id == ATTITUDE_QUATERNION.message_id:
-            v = ATTITUDE_QUATERNION.unpack(frame.payload)
+        if number == ATTITUDE_QUATERNION.message_id:
+            v = ATTITUDE_QUATERNION.unpack(payload)
             w, x, y, z = (v[i] for i in _ATTITUDE)
             self._attitude = (w, x, y, z)
             self._attitude_ms = v[_ATTITUDE_MS]
             return None
-        if frame.message_id != LOCAL_POSITION_NED.message_id or self._attitude is None:
+        if number != LOCAL_POSITION_NED.message_id or self._attitude is None:
             return None
-        v = LOCAL_POSITION_NED.unpack(frame.payload)
+        v = LOCAL_POSITION_NED.unpack(payload)
         if abs(v[_POSITION_MS] - self._attitude_ms) > _ATTITUDE_AGE_MS:
             return None
         x, y, z, vx, vy, vz = (v[i] for i in _POSITION)
         return Odometry(v[_POSITION_MS] * 1e-3, x, y, z, vx, vy, vz, *self._attitude)
+
+    @property
+    def variance_ned_m2(self) -> tuple[float, float, float]:
+        """Of the last ODOMETRY, which alone tells it. Asked for seldom, so it is decoded then."""
+        if self._payload is None:
+            return (math.nan, math.nan, math.nan)
+        x, y, z = _unpack_variance(self._payload)
+        return (x, y, z)
 
     def settle(self) -> None:
         """Keep to the source in use from now on."""

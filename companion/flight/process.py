@@ -7,6 +7,7 @@ What must be right before a set-point goes out is done here; changes of authorit
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 import traceback
 from collections.abc import Callable
@@ -80,7 +81,9 @@ class FlightProcess:
         steps = plan(*flight.ids, can_fly=config.vehicle.kind == "quadrotor")
         self._keeping = Housekeeping(flight, Engagement(steps) if engage else None, notifier, on_status)
         self._live = LiveCommands(flight)
+        self._flies = config.vehicle.kind == "quadrotor"
         self._largest_step_s = min(self._limits.clock_jump_s, _LARGEST_STEP_S)
+        self._fresh_until_s = -math.inf  # in control: before then neither pose nor heartbeat can be stale
         self._resets = 0  # of the estimator, as of the last sample
         self._held, self._sent_ms = _LEVEL, -1  # the last set-point, and the sample it answered
         self._last_s = 0.0  # in lockstep: time stamp of the last sample, of whatever kind
@@ -125,7 +128,8 @@ class FlightProcess:
             wall_s = time.monotonic()
             if not self._lockstep:
                 flight.now_s = wall_s
-            self._look_at_ages()  # before what has come is believed: after a pause of ours it is stale
+            if flight.state is not _ENGAGED or flight.fault is not None or flight.now_s > self._fresh_until_s:
+                self._look_at_ages()  # before what has come is believed: after a pause of ours it is stale
             if data:
                 heard_s = wall_s
                 flight.stamp_us = flight.time_us()
@@ -145,7 +149,11 @@ class FlightProcess:
                 flight.refuse(Reason.TICK_OVERRUN, f"a tick took {time.monotonic() - wall_s:.3f} s")
 
     def _look_at_ages(self) -> None:
-        """Decide, unless nothing can have changed: in control, only time passes between two messages."""
+        """Decide, unless nothing can have changed: in control, only time passes between two messages.
+
+        What has been heard stays fresh until a time that later messages can only put off, so it is looked up no more
+        often than that.
+        """
         flight, limits = self._flight, self._limits
         now = flight.now_s
         if (
@@ -154,21 +162,25 @@ class FlightProcess:
             or now - flight.pose_at_s > limits.pose_age_s
             or now - flight.heartbeat_at_s > limits.heartbeat_age_s
         ):
+            self._fresh_until_s = -math.inf
             self._changes.decide()
+        else:
+            self._fresh_until_s = min(
+                flight.pose_at_s + limits.pose_age_s, flight.heartbeat_at_s + limits.heartbeat_age_s
+            )
 
     # -- what comes in ------------------------------------------------------------------------------------------------
 
     def _take(self, frame: Frame) -> None:
         """One frame of the vehicle."""
-        flight = self._flight
-        if flight.state is _RELEASED and not self._lockstep:
+        if self._flight.state is _RELEASED and not self._lockstep:
             return  # by a frame before this one
-        number = frame.message_id
+        number = frame[0]
         if number in _POSE:
             sample = self._pose.take(frame)
             if sample is not None:
                 self._tick(sample)
-                if self._lockstep and flight.state is _RELEASED:
+                if self._lockstep and self._flight.state is _RELEASED:
                     self._answer(sample)
         elif number in _MODE:
             self._changes.hear(frame)
@@ -188,12 +200,13 @@ class FlightProcess:
             return  # out of control it is only not counted: too many of them, and the rate is below the floor
         dt = 0.0 if last is None else sample.time_s - last.time_s
         if abs(dt) > self._largest_step_s:
-            if engaged and self._limits.clock_jump_s < abs(dt):
+            if engaged:
                 self._stop_for(Reason.CLOCK_JUMP)
                 return
             flight.preflight.restart()
             flight.delay.restart()
             self._watch.begin(sample)
+            self._fresh_until_s = -math.inf
             dt = 0.0
         elif dt <= 0.0 and last is not None:
             return  # a copy, or out of order: the newer one has been flown
@@ -204,8 +217,6 @@ class FlightProcess:
                 self._keeping.restart()
                 self._changes.restart()
         flight.sample = sample
-        if last is None or not guards.repeats(last, sample):
-            flight.pose_at_s = flight.now_s
         if self._pose.reset_counter != self._resets:
             self._resets = self._pose.reset_counter
             if engaged and last is not None:
@@ -213,11 +224,21 @@ class FlightProcess:
                 engaged = flight.state is _ENGAGED
         if engaged:
             self._fly(sample, dt)
-            return
-        if flight.state is _CHECKING:
-            flight.preflight.take(sample.time_s)
-        if (flight.state is _STANDBY and not flight.aloof) or (self._lockstep and flight.state is not _RELEASED):
-            self._stand_by(sample, dt)
+        else:
+            if flight.state is _CHECKING:
+                flight.preflight.take(sample.time_s)
+            if (flight.state is _STANDBY and not flight.aloof) or (self._lockstep and flight.state is not _RELEASED):
+                self._stand_by(sample, dt)
+        if (
+            last is None or sample[1] != last[1] or not self._repeats(last, sample)
+        ):  # the age of the pose: looked at before the next sample
+            flight.pose_at_s = flight.now_s
+
+    def _repeats(self, last: Odometry, sample: Odometry) -> bool:
+        """Whether the estimate has stopped. A rig may rest, held by its friction."""
+        if self._flies and self._flight.state is _ENGAGED and guards.frozen(last, sample, self._pilot.tracking_error_m):
+            return True
+        return guards.repeats(last, sample)
 
     def _fly(self, sample: Odometry, dt_s: float) -> None:
         """In control: the paper's step, then out with it, then the record, then the guards."""
@@ -228,7 +249,7 @@ class FlightProcess:
             return
         latency_s = self._send(sample, setpoint)
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
-        if sample.time_s >= watch.due_s:
+        if sample[0] >= watch.due_s:
             reason = watch.look(sample, setpoint, pilot, flight.ticks, flight.now_s - sample.time_s)
             if reason is not None:
                 self._stop_for(reason)
@@ -271,7 +292,7 @@ class FlightProcess:
         """Out with the set-point; how long after its odometry came in."""
         flight = self._flight
         flight.streamed = True
-        self._held, self._sent_ms = setpoint, _milliseconds(sample.time_s)
+        self._held, self._sent_ms = setpoint, _milliseconds(sample[0])
         self._port.send_setpoint(self._sent_ms, *setpoint, flight.stamp_us)
         return 0.0 if self._lockstep else time.monotonic() - flight.now_s
 

@@ -37,6 +37,7 @@ class Reason(StrEnum):
     TILT = "tilt"
     TILT_ERROR = "tilt_error"
     ATTITUDE_RESPONSE = "attitude_response"
+    HOVER_THRUST = "hover_thrust"
     WEIGHTS_ON_BOUND = "weights_on_bound"
     THRUST_SATURATION = "thrust_saturation"
     FLIGHT_TIME = "flight_time"
@@ -75,6 +76,7 @@ MEANING: Final = {
     Reason.TILT: "tilted by more than guards.tilt_deg",
     Reason.TILT_ERROR: "the thrust direction was off its set-point by more than guards.tilt_error_deg",
     Reason.ATTITUDE_RESPONSE: "the attitude loop answered otherwise than certified: check motors, identify it again",
+    Reason.HOVER_THRUST: "it hovers at another thrust than vehicle.hover_thrust: the loop's gain is off with it",
     Reason.WEIGHTS_ON_BOUND: "adaptive weights rested on their bounds: the disturbance is more than they can answer",
     Reason.THRUST_SATURATION: "thrust was at its limit too much of the time: battery, load, vehicle.hover_thrust",
     Reason.FLIGHT_TIME: "in control for longer than guards.flight_time_s",

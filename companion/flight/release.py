@@ -6,6 +6,7 @@ vehicle from a pilot who has chosen another mode meanwhile. Silence follows in a
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -22,6 +23,7 @@ from companion.mavlink.px4 import Mode, Result
 
 LISTEN_S: Final = 0.1  # a pilot's switch may be waiting in the queue: what the vehicle says is heard out first
 _ASK_AGAIN_S: Final = 0.25
+_UNHEARD_S: Final = 1.2  # without any report of the mode by then, Hold is asked for blindly: a heartbeat takes 1 s
 _PATIENCE_S: Final = 2.0
 _WALL_PATIENCE_S: Final = 15.0  # in lockstep, where time may stand still
 _WHO_S: Final = 0.3
@@ -37,7 +39,10 @@ class HandOver:
         self._request = px4.set_mode(*ids, mode)
         self._until_s = now_s + _PATIENCE_S
         self._ask_s = now_s + LISTEN_S
-        self._reports = -1  # mode reports heard when last asked
+        self._blindly_s = now_s + _UNHEARD_S
+        self._reports = (
+            port.mode_reports
+        )  # mode reports heard when last asked; what came before now may be a second old
         self._answer: int | None = None
 
     def acknowledged(self, result: int) -> None:
@@ -51,9 +56,9 @@ class HandOver:
     def advance(self, now_s: float) -> Any | None:
         """The request to send now, if any."""
         still_offboard = self._port.mode_reports > self._reports  # said after the last request
-        if now_s < self._ask_s or self._answer == Result.ACCEPTED or not still_offboard:
+        if now_s < self._ask_s or self._answer == Result.ACCEPTED or not (still_offboard or now_s >= self._blindly_s):
             return None
-        self._ask_s, self._reports = now_s + _ASK_AGAIN_S, self._port.mode_reports
+        self._ask_s, self._reports, self._blindly_s = now_s + _ASK_AGAIN_S, self._port.mode_reports, math.inf
         return self._request
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import gc
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from pathlib import Path
+from typing import Final, NamedTuple
 
 from companion.flight.authority import Reason, State
+
+_LARGE_PAGE: Final = Path("/sys/kernel/mm/transparent_hugepage/hpage_pmd_size")
+_MADV_COLLAPSE: Final = 25
 
 
 class Status(NamedTuple):
@@ -33,11 +39,30 @@ class Summary(NamedTuple):
     failsafe: bool = False  # whether a failsafe of the vehicle's own took control
 
 
+def _large_pages() -> None:
+    """Put the heap on large pages, where the kernel can (Linux 6.1); a tenth of a tick's time.
+
+    A tick that comes after milliseconds of sleep finds no address translation cached, and what it touches lies on
+    hundreds of small pages.
+    """
+    madvise = ctypes.CDLL(None).madvise
+    madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+    with contextlib.suppress(OSError, ValueError):
+        size = int(_LARGE_PAGE.read_text())
+        for line in Path("/proc/self/maps").read_text().splitlines():
+            addresses, permissions, _, _, _, *name = line.split(maxsplit=5)
+            if permissions == "rw-p" and name in ([], ["[heap]"]):
+                begin, end = (int(address, 16) for address in addresses.split("-"))
+                for page in range(-(-begin // size) * size, end - size + 1, size):
+                    madvise(page, size, _MADV_COLLAPSE)  # untouched memory stays so; a refusal does no harm
+
+
 @contextmanager
 def quiet_memory() -> Iterator[None]:
-    """No garbage collection in flight: the tick leaves no cycles behind."""
+    """No garbage collection in flight: the tick leaves no cycles behind. And few pages."""
     gc.collect()
     gc.freeze()
+    _large_pages()
     gc.disable()
     try:
         yield

@@ -22,6 +22,7 @@ from companion.flight.response import Response
 
 PERIOD_S: Final = 0.02
 _SATURATION_S: Final = 1.0  # over which its share is taken
+_LIFT_S: Final = 1.0  # and the average of the thrust
 _RATE_WINDOW: Final = 26  # looks, half a second
 _CALM: Final = Watched()
 
@@ -49,6 +50,7 @@ class Watch:
         self._seen: deque[tuple[float, int]] = deque(maxlen=_RATE_WINDOW)
         self._ticks = 0
         self._saturated = 0.0
+        self._lift = 1.0  # vertical thrust over hover thrust, on average
         self.due_s = 0.0
         self.missing_flags = math.nan
         self.last = _CALM
@@ -63,6 +65,7 @@ class Watch:
         self._origin = Command(sample.x_m, sample.y_m, sample.z_m, 0.0)
         self._drift = estimator.Consistency(sample)
         self._response.begin()
+        self._lift = 1.0
         self._since_s, self.last = CLEAR, _CALM
         self._seen.clear()
         self.due_s = sample.time_s
@@ -87,7 +90,7 @@ class Watch:
     def _measure(self, sample: Odometry, setpoint: AttitudeSetpoint, pilot: Pilot, ticks: int, lag_s: float) -> Watched:
         time_s, x, y, z, _, _, _, qw, qx, qy, qz = sample
         north, east, down = attitude.thrust_direction(qw, qx, qy, qz)
-        qw, qx, qy, qz, _ = setpoint
+        qw, qx, qy, qz, thrust = setpoint
         wanted_n, wanted_e, wanted_d = attitude.thrust_direction(qw, qx, qy, qz)
         cosine = north * wanted_n + east * wanted_e + down * wanted_d
         outside_rad = self._response.advance(time_s, attitude.yaw(qw, qx, qy, qz), (north, east), (wanted_n, wanted_e))
@@ -99,6 +102,7 @@ class Watch:
         fenced = math.nan
         if self._fence.enabled:
             fenced = float(steer.outside(Command(x, y, z, 0.0), self._fence, self._origin) is not None)
+        self._lift += (-down * thrust / pilot.hover_thrust - self._lift) * PERIOD_S / _LIFT_S
         last = pilot.last
         used = math.nan
         if last is not None:
@@ -121,6 +125,7 @@ class Watch:
             math.acos(min(max(-down, -1.0), 1.0)),
             outside_rad,
             math.acos(min(max(cosine, -1.0), 1.0)),
+            abs(self._lift - 1.0),
             self._saturated,
             pilot.weights_on_bound,
             pilot.tracking_error_m,
@@ -131,18 +136,20 @@ class Watch:
             pilot.elapsed_s,
         )
 
-    def blind(self) -> list[str]:
+    def blind(self) -> dict[Reason, str]:
         """Guards that are on and cannot see: what they look at is not told, or is not modelled."""
         limits = self._limits.watched
-        cannot = []
+        cannot = {}
         if limits.estimator_flags < math.inf and math.isnan(self.missing_flags):
-            cannot.append("estimator_flags (no ESTIMATOR_STATUS)")
-        if limits.position_variance_m2 < math.inf and all(map(math.isnan, self._pose.variance_ned_m2)):
-            cannot.append("position_variance_m2 (not in the odometry)")
+            cannot[Reason.ESTIMATOR_FLAGS] = "estimator_flags (no ESTIMATOR_STATUS)"
+        if limits.position_variance_m2 < math.inf and any(map(math.isnan, self._pose.variance_ned_m2)):
+            cannot[Reason.POSITION_VARIANCE] = "position_variance_m2 (not in the odometry)"
+        if self._limits.estimator_jump_m < math.inf and self._pose.message != "ODOMETRY":
+            cannot[Reason.ESTIMATOR_JUMP] = "estimator_jump_m (resets are counted in ODOMETRY alone)"
         if limits.link_delay_s < math.inf and math.isnan(self._delay.round_trip_s):
-            cannot.append("link_delay_s (no answer to TIMESYNC)")
+            cannot[Reason.LINK_DELAY] = "link_delay_s (no answer to TIMESYNC)"
         if limits.attitude_response_rad < math.inf and len(self._response.watched) < (1 if self._one_axis else 2):
-            cannot.append("attitude_response_deg (a transfer function)")
+            cannot[Reason.ATTITUDE_RESPONSE] = "attitude_response_deg (a transfer function)"
         return cannot
 
     def describe(self, reason: Reason) -> str:

@@ -22,14 +22,22 @@ _SMALLEST: Final = Decimal("0.0001")  # the certificate wants parameters above z
 
 
 def response(axis: AxisIdentification) -> dict[str, list[float]]:
-    """The chosen response by the config's keys: intervals `[lower, upper]`, rounded outwards."""
+    """The chosen response by the config's keys: intervals `[lower, upper]`, rounded outwards.
+
+    The delay's lower end is the vehicle's own where it is known: what lies above it is the link's, and a link may be
+    as quick as it likes.
+    """
+    intervals = axis.chosen.intervals()
+    if axis.delay is not None:
+        low, high = intervals["delay_s"]
+        intervals["delay_s"] = (max(min(low, axis.delay.vehicle_s), 0.0), high)
     down, up = Context(prec=_DIGITS, rounding=ROUND_FLOOR), Context(prec=_DIGITS, rounding=ROUND_CEILING)
     return {
         key: [
             float(max(down.create_decimal(repr(low)), _SMALLEST)),
             float(max(up.create_decimal(repr(high)), 2 * _SMALLEST)),
         ]
-        for key, (low, high) in axis.chosen.intervals().items()
+        for key, (low, high) in intervals.items()
     }
 
 

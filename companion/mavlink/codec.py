@@ -25,6 +25,7 @@ MOST_REJECTED: Final = 128  # false beginnings looked at in one read: rubbish ma
 _new = tuple.__new__  # what a NamedTuple's own constructor calls, without the call in between
 _MAGIC = b"\xfd"
 _HEADER = struct.Struct("<BBBBBBHB")  # length, incompat, compat, sequence, system, component, id low 16, id high 8
+_BEGINNING = struct.Struct("<BBBBBBBHB").unpack_from  # the same with the magic before it
 _MESSAGES: dict[int, Any] = mavlink.mavlink_map
 _CRC_EXTRA: dict[int, bytes] = {number: bytes([message.crc_extra]) for number, message in _MESSAGES.items()}
 
@@ -63,6 +64,9 @@ class FrameParser:
         if self._rest:
             data = self._rest + data
             self._rest = b""
+        elif (frame := _whole(data)) is not None:
+            self.frames += 1
+            return [frame]
         frames: list[Frame] = []
         position, total = 0, len(data)
         left = MOST_REJECTED
@@ -110,6 +114,21 @@ class FrameParser:
     def _counted(self, frames: list[Frame]) -> list[Frame]:
         self.frames += len(frames)
         return frames
+
+
+def _whole(data: bytes) -> Frame | None:
+    """Bytes that are one intact frame without a signature, as most datagrams are; None for all else."""
+    size = len(data) - HEADER_BYTES - CRC_BYTES
+    if size < 0:
+        return None
+    magic, length, incompat, _, sequence, system, component, low, high = _BEGINNING(data)
+    message_id = low | high << 16
+    extra = _CRC_EXTRA.get(message_id)
+    if magic != MAGIC_V2 or length != size or incompat or extra is None:
+        return None
+    if mcrf4xx(data[1:-CRC_BYTES] + extra) != data[-2] | data[-1] << 8:
+        return None
+    return _new(Frame, (message_id, system, component, sequence, data[HEADER_BYTES:-CRC_BYTES], data))
 
 
 class Layout:

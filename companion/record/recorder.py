@@ -23,7 +23,7 @@ SENT: Final = 3
 EVENT: Final = 4
 RECORD_HEADER: Final = struct.Struct("<BIQ")  # kind, length, time in microseconds
 
-_FLUSH_BYTES = 65_536
+_MOST_RECORDS = 512  # before they are handed on unasked
 _KEEP_BYTES = 8_000_000
 _PIPE_BYTES = 1 << 20
 
@@ -36,10 +36,11 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, *, blocking: bool = False) -> None:
-        self.dropped = 0
+        self._dropped = 0
+        self._kept = 0  # records collected since the pipe last took them all
         self.folder = folder
-        self._header = RECORD_HEADER.pack
-        self._pending = bytearray()
+        self._records: list[tuple[int, int, bytes]] = []  # as they came: kind, time, data
+        self._pending = bytearray()  # as they go into the pipe
         read_end, self._fd = os.pipe()
         try:
             with contextlib.suppress(OSError):
@@ -51,19 +52,22 @@ class Recorder:
             os.close(read_end)
         os.set_blocking(self._fd, blocking)
 
+    @property
+    def dropped(self) -> int:
+        """Counted up to now."""
+        self._collect()
+        return self._dropped
+
     def add(self, kind: int, time_us: int, data: bytes) -> None:
-        """One record. Costs a copy; a system call only when a chunk is full."""
-        pending = self._pending
-        if self._fd < 0 or len(pending) > _KEEP_BYTES:
-            self.dropped += 1
-            return
-        pending += self._header(kind, len(data), time_us)
-        pending += data
-        if len(pending) >= _FLUSH_BYTES:
+        """One record. Costs a reference; a copy and a system call only when a chunk is full."""
+        records = self._records
+        records.append((kind, time_us, data))
+        if len(records) >= _MOST_RECORDS or self._fd < 0:
             self.flush()
 
     def flush(self) -> None:
         """Give the pipe what it takes now."""
+        self._collect()
         if self._fd < 0 or not self._pending:
             return
         try:
@@ -74,15 +78,31 @@ class Recorder:
             self._give_up()
             return
         del self._pending[:written]
+        if not self._pending:
+            self._kept = 0
+
+    def _collect(self) -> None:
+        """Records to bytes, all at once: one by one, between ticks that cool the caches, each would cost threefold."""
+        pending, header = self._pending, RECORD_HEADER.pack
+        for kind, time_us, data in self._records:
+            if self._fd < 0 or len(pending) > _KEEP_BYTES:
+                self._dropped += 1
+                continue
+            pending += header(kind, len(data), time_us)
+            pending += data
+            self._kept += 1
+        self._records.clear()
 
     def _give_up(self) -> None:
-        self.dropped += 1
+        self._dropped += self._kept
+        self._kept = 0
         self._pending.clear()
         os.close(self._fd)
         self._fd = -1
 
     def close(self, timeout_s: float = 20.0) -> str | None:
         """End the log and wait for the writer; its complaint as one line, or None. Closing twice does no harm."""
+        self._collect()
         if self._fd >= 0:
             deadline = time.monotonic() + timeout_s
             os.set_blocking(self._fd, False)

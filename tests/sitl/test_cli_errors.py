@@ -72,6 +72,68 @@ CASES = {
     "no vehicle on the line": Case(
         ("run", RIG, "--link", "serial://{tty}:921600", *QUICK), rf"companion: {NO_VEHICLE}"
     ),
+    # logs, and what is made of them
+    "identify without a log": Case(("identify",), r"companion identify: .* required: LOG"),
+    "identify a log that is not there": Case(("identify", "none.ulg"), r"companion: none\.ulg: no such file"),
+    "identify what is no log": Case(("identify", "bad.yaml"), r"companion: bad\.yaml: "),
+    "identify and write into nothing": Case(
+        ("identify", "none.ulg", "--write"), r"companion: --write: give the config"
+    ),
+    "identify for a config that is not there": Case(
+        ("identify", "none.ulg", "--config", "none.yaml"), r"companion: none\.yaml: no such file"
+    ),
+    "design without a template": Case(("design", "none.ulg", "--out", "new.yaml"), r"companion design: .*--template"),
+    "design with a log that is not there": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml"), r"companion: none\.ulg: no such file"
+    ),
+    "design with a template that is not there": Case(
+        ("design", "none.ulg", "--template", "none.yaml", "--out", "new.yaml"), r"companion: none\.yaml: no such file"
+    ),
+    "design with a margin out of range": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--margin", "1"),
+        r"companion: --margin 1: a frac",
+    ),
+    "design with a margin that is no number": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--margin", "nan"), r"companion: --margin nan: "
+    ),
+    "design with an odd degree": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--degree", "3"),
+        r"companion: --degree 3: .*even",
+    ),
+    "design with a link of a second": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--link-delay", "1"),
+        r"companion: --link-delay 1: seconds",
+    ),
+    "design onto what is there": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "bad.yaml"), r"companion: bad\.yaml: exists: .*--force"
+    ),
+    "design into a folder that is not there": Case(
+        ("design", "none.ulg", "--template", RIG, "--out", "none/new.yaml"), r"companion: none/new\.yaml: cannot write"
+    ),
+    "doublets beyond the envelope": Case(
+        ("sitl", "--identify", "--set", "mission.identification.amplitude_deg=15"),
+        r"companion: .*mission\.identification: a doublet .* beyond controller\.envelope\..*: an amplitude_deg of ",
+    ),
+    # what asks the vehicle
+    "vehicle without a config": Case(("vehicle",), r"companion vehicle: .* required: config"),
+    "vehicle by a config that is not there": Case(("vehicle", "none.yaml"), r"companion: none\.yaml: no such file"),
+    "no vehicle to ask": Case(
+        ("vehicle", RIG, "--link", "udpout://127.0.0.1:{free}", *QUICK), r"companion: udpout:.*: no heartbeat"
+    ),
+    "logs by a config that is not there": Case(("logs", "none.yaml"), r"companion: none\.yaml: no such file"),
+    "logs that are to be listed and fetched": Case(
+        ("logs", RIG, "--list", "--latest"), r"companion logs: .*not allowed"
+    ),
+    "no vehicle with logs": Case(
+        ("logs", RIG, "--link", "udpout://127.0.0.1:{free}", *QUICK), r"companion: udpout:.*: no heartbeat"
+    ),
+    # scenarios
+    "a scenario that is not there": Case(
+        ("sitl", "--scenarios", "no_such"), r"companion: --scenarios .*no_such.*: no such scenario"
+    ),
+    "scenarios by the wall clock": Case(
+        ("sitl", "--scenarios", "--realtime"), r"companion: --scenarios brings its own plant .*--realtime"
+    ),
     # nowhere to write
     "flight folder inside a file": Case(
         ("run", RIG, "--link", "udpout://127.0.0.1:{free}", "--out", "empty.yaml"),

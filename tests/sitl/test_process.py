@@ -50,12 +50,14 @@ class Autopilot(threading.Thread):
         self.pose: Callable[[int], list[mavlink.MAVLink_message]] = odometry
         self.heartbeats = self.tells_mode = True
         self.status = mavlink.MAV_STATE_ACTIVE
+        self.armed = True
         self.intended: int | None = None  # where it is not the mode
         self.mode = HOLD
         self.switches = True  # its pilot, to OFFBOARD, as soon as there is a stream to fly
         self.obeys = True
         self.pilot_after_hold = False
         self.late_s = 0.0  # of its answers to TIMESYNC
+        self.answers_timesync, self.tells_estimator = True, False
         self.timesync: list[tuple[float, mavlink.MAVLink_message]] = []
         self.began_s = time.monotonic()
         self.heard: list[mavlink.MAVLink_message] = []
@@ -85,8 +87,10 @@ class Autopilot(threading.Thread):
         words = [*self.pose(time_us), *self.answers, *due]
         self.answers.clear()
         if k % 20 == 0 and self.heartbeats:
-            armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+            armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED * self.armed | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
             words.append(mavlink.MAVLink_heartbeat_message(2, 12, armed, self.mode, self.status, 3))
+        if k % 20 == 0 and self.tells_estimator:
+            words.append(mavlink.MAVLink_estimator_status_message(0, 0b1101111111, *[0.1] * 8))
         if k % 5 == 0 and self.tells_mode:
             words.append(mavlink.MAVLink_current_mode_message(0, self.mode, self.intended or self.mode))
         return words
@@ -95,7 +99,7 @@ class Autopilot(threading.Thread):
         self.heard.append(message)
         if message.get_type() == "SET_ATTITUDE_TARGET" and self.switches:
             self.switches, self.mode = False, OFFBOARD
-        if message.get_type() == "TIMESYNC":
+        if message.get_type() == "TIMESYNC" and self.answers_timesync:
             answer = mavlink.MAVLink_timesync_message(1, message.ts1)
             self.timesync.append((time.monotonic() + self.late_s, answer))
         if message.get_type() == "COMMAND_LONG" and message.command == 176 and self.obeys:
@@ -153,6 +157,7 @@ def test_position_and_attitude_serve_where_odometry_is_absent(tmp_path: Path) ->
     with flown(tmp_path) as (autopilot, process):
         autopilot.pose = position_and_attitude
         autopilot.start()
+        assert "estimator_jump_m" in until(process, "^guard cannot see: estimator_jump")
         assert "LOCAL_POSITION_NED" in until(process, "^engaged")
 
 
@@ -290,7 +295,7 @@ def test_hang_up_hands_over_too(tmp_path: Path) -> None:
 def test_a_pilot_who_chose_another_mode_after_hold_is_not_overruled(tmp_path: Path) -> None:
     """Without CURRENT_MODE the release sees the change up to a heartbeat late; meanwhile it must not ask again."""
     with flown(tmp_path) as (autopilot, process):
-        autopilot.tells_mode = False
+        autopilot.tells_mode, autopilot.mode = False, POSITION
         autopilot.start()
         until(process, "^engaged")
         autopilot.pilot_after_hold = True
@@ -340,6 +345,48 @@ def test_after_a_restart_in_flight_it_sends_nothing_until_a_mode_is_chosen(
         autopilot.mode = OFFBOARD  # and switches
         until(process, "^engaged")
         assert not commands(autopilot, 176)
+
+
+@pytest.mark.parametrize("mode", [RETURN, HOLD], ids=["return", "hold"])
+def test_where_intentions_are_not_told_only_sticks_are_a_pilot(mode: int, tmp_path: Path) -> None:
+    """A PX4 before 1.15: Return may be its failsafe, and a stream would put it back into OFFBOARD."""
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.mode, autopilot.tells_mode = mode, False  # back to OFFBOARD as soon as it is streamed to
+        autopilot.start()
+        assert "take the sticks or disarm first" in until(process, "^standby")
+        time.sleep(1.0)
+        assert (autopilot.setpoints(), autopilot.mode) == ([], mode)
+        autopilot.switches, autopilot.mode = False, POSITION
+        until(process, "no longer hands off")
+        time.sleep(0.3)
+        assert autopilot.setpoints()
+
+
+def test_a_vehicle_that_landed_in_offboard_is_not_streamed_to_until_another_mode_is_chosen(tmp_path: Path) -> None:
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.mode, autopilot.armed, autopilot.switches = OFFBOARD, False, False
+        autopilot.start()
+        assert "choose another mode first" in until(process, "^standby")
+        time.sleep(0.5)
+        autopilot.armed = True  # by somebody who does not know
+        time.sleep(0.7)
+        assert not autopilot.setpoints()
+        assert process.poll() is None
+        autopilot.mode = POSITION
+        until(process, "no longer hands off")
+        time.sleep(0.3)
+        autopilot.mode = OFFBOARD
+        until(process, "^engaged")
+
+
+def test_engaging_what_reads_offboard_on_the_ground_is_refused(tmp_path: Path) -> None:
+    with flown(tmp_path, "--engage") as (autopilot, process):
+        autopilot.mode, autopilot.armed, autopilot.switches = OFFBOARD, False, False
+        autopilot.start()
+        assert process.wait(10.0) == 2
+        assert process.stderr is not None
+        assert "choose another mode first" in process.stderr.read()
+        assert not commands(autopilot, 400)
 
 
 def test_a_failsafe_of_the_vehicle_is_told_from_a_pilot(tmp_path: Path) -> None:
@@ -425,7 +472,9 @@ def test_a_slide_that_nobody_counts_and_doubt_end_control_with_their_own_reasons
 
 def test_its_own_heartbeat_tells_the_truth(tmp_path: Path) -> None:
     others = ("--set", "guards.attitude_response_deg.enabled=false", "--set", "guards.tilt_error_deg.enabled=false")
-    with flown(tmp_path, "--set", "guards.tilt_deg={limit: 10, timeout_s: 2}", *others) as (autopilot, process):
+    with flown(
+        tmp_path, "--set", "guards.tilt_deg={limit: 10, timeout_s: 2}", "--set", "controller.limits.tilt_deg=5", *others
+    ) as (autopilot, process):
         autopilot.switches = False
         autopilot.start()
         until(process, "^standby")
@@ -465,6 +514,37 @@ def test_what_a_guard_cannot_see_is_told(tmp_path: Path) -> None:
         autopilot.start()
         assert "estimator_flags" in until(process, "^guard cannot see")
         assert "position_variance_m2" in until(process, "^guard cannot see")
+
+
+def test_an_estimator_that_no_longer_answers_ends_control(tmp_path: Path) -> None:
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.tells_estimator = True
+        autopilot.start()
+        until(process, "^engaged")
+        autopilot.tells_estimator = False
+        until(process, "^guard cannot see: estimator_flags")
+        assert "estimator_flags (the estimator no longer answers" in until(process, "^released")
+        assert process.wait(5.0) == 1
+
+
+def test_variances_that_are_told_no_longer_end_control(tmp_path: Path) -> None:
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        autopilot.pose = lambda time_us: odometry(time_us, variance=math.nan)
+        assert "position_variance (the estimator no longer answers" in until(process, "^released")
+
+
+def test_a_link_whose_delay_is_seen_no_longer_is_told_and_flown_on(tmp_path: Path) -> None:
+    with flown(tmp_path, "--set", "attitude.x.delay_s=0.05") as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        time.sleep(0.5)
+        autopilot.answers_timesync = False
+        until(process, "^guard cannot see: link_delay_s")
+        time.sleep(0.5)
+        assert process.poll() is None
+        assert any(m.get_type() == "STATUSTEXT" and "cannot see: link_delay_s" in m.text for m in autopilot.heard)
 
 
 class Broken(Pilot):

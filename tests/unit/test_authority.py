@@ -3,7 +3,18 @@
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.authority import MEANING, ORDINARY, TAKEN, Known, Reason, State, advance, hands_off, killed
+from companion.flight.authority import (
+    BY_STICKS,
+    MEANING,
+    ORDINARY,
+    TAKEN,
+    Known,
+    Reason,
+    State,
+    advance,
+    hands_off,
+    killed,
+)
 from companion.mavlink.px4 import Mode
 
 OFFBOARD, HOLD, RETURN = int(Mode.OFFBOARD), int(Mode.HOLD), int(Mode.RETURN)
@@ -57,7 +68,9 @@ def test_every_fault_ends_control_and_none_goes_before_the_pilot(fault: Reason) 
         (None, HOLD, HOLD, True, False),  # in another mode because it was told so: stream, and wait for the switch
         (None, HOLD, None, True, None),  # not told yet what it was told
         (None, HOLD, None, False, False),  # disarmed: nothing to disturb
-        (None, OFFBOARD, OFFBOARD, False, False),
+        (None, OFFBOARD, OFFBOARD, False, True),  # landed by itself and disarmed: armed, it would fly on
+        (None, OFFBOARD, None, False, True),
+        (None, HOLD, OFFBOARD, False, True),
         (None, OFFBOARD, None, True, True),  # flown by somebody, perhaps ourselves before a restart
         (None, OFFBOARD, OFFBOARD, True, True),
         (None, RETURN, OFFBOARD, True, True),  # its failsafe flies; a stream would bring OFFBOARD back
@@ -65,7 +78,9 @@ def test_every_fault_ends_control_and_none_goes_before_the_pilot(fault: Reason) 
         (True, RETURN, None, True, True),  # a heartbeat alone does not tell a failsafe from a pilot
         (True, RETURN, RETURN, True, False),
         (True, HOLD, HOLD, True, False),
-        (True, OFFBOARD, OFFBOARD, False, False),
+        (True, OFFBOARD, OFFBOARD, False, True),
+        (True, HOLD, HOLD, False, False),
+        (True, HOLD, None, False, False),
         (False, OFFBOARD, OFFBOARD, True, False),  # the pilot's switch, after we were ready
     ],
 )
@@ -73,6 +88,10 @@ def test_hands_off_what_flew_offboard_before_us(
     before: bool | None, mode: int, intended: int | None, armed: bool, expected: bool | None
 ) -> None:
     assert hands_off(before, mode, intended, armed=armed) is expected
+
+
+def test_only_sticks_tell_a_pilot_from_a_failsafe() -> None:
+    assert {Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION} == BY_STICKS
 
 
 def test_kill_and_termination_show_in_the_system_status_or_the_mode() -> None:

@@ -230,7 +230,7 @@ def test_a_key_given_twice_in_a_shipped_file_is_refused(tmp_path: Path) -> None:
         ("link.baud=57600", "link.baud", "unknown key"),
         ("controller.axes.x.gamma=1", "controller.axes.x.gamma", "unknown key"),
         ("controller.axes.z={}", "controller.axes.z", "unknown key"),
-        ("plant.rig.pitch.delay_s=0.1", "plant.rig.pitch.delay_s", "unknown key"),
+        ("plant.rig.pitch.lag_s=0.1", "plant.rig.pitch.lag_s", "unknown key"),
         ("tick={rate_hz: 100}", "tick.floor_hz", "missing"),
         ("mission.waypoints=[{at_s: 1}]", "mission.waypoints.0.offset_ned_m", "missing"),
         # wrong types

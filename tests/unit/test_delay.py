@@ -65,6 +65,17 @@ def test_requests_of_the_vehicle_copies_and_foreign_answers_say_nothing() -> Non
     assert delay.round_trip_s == pytest.approx(0.01)
 
 
+def test_what_is_not_answered_any_more_is_forgotten() -> None:
+    delay = LinkDelay()
+    round_trips(delay, [0.03] * 3)
+    delay.forget(100.0)
+    assert delay.round_trip_s == pytest.approx(0.03)
+    delay.forget(101.0)
+    assert math.isnan(delay.round_trip_s)
+    round_trips(delay, [0.05], 102.0)
+    assert delay.round_trip_s == pytest.approx(0.05)
+
+
 def test_lateness_is_against_the_youngest_sample_whatever_the_clocks_say() -> None:
     delay = LinkDelay()
     for k in range(100):

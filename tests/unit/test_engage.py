@@ -105,3 +105,37 @@ def test_a_vehicle_that_reads_offboard_already_is_not_armed() -> None:
     assert vehicle.failed is not None
     assert "choose another mode first" in vehicle.failed
     assert not vehicle.asked
+
+
+def test_the_mode_in_which_it_began_is_an_override_once_it_has_left_it() -> None:
+    """The sticks in the take-off put it back into POSITION; later the pilot parks it in Hold."""
+    vehicle = up_to_hover()
+    vehicle.see(2.0, Seen(Mode.POSITION, True, 1.0, 2.0))
+    assert vehicle.failed == "hover: somebody chose another mode"
+    assert len(vehicle.asked) == 2
+
+
+def test_a_pilot_who_takes_it_back_while_offboard_is_asked_for_keeps_it() -> None:
+    vehicle = up_to_hover()
+    vehicle.see(5.0, Seen(Mode.HOLD, True, 0.1, 1.0))
+    vehicle.engagement.acknowledged(SET_MODE, Result.TEMPORARILY_REJECTED)
+    vehicle.see(5.1, Seen(Mode.POSITION, True, 0.1, 1.0))
+    assert vehicle.failed == "change to OFFBOARD: somebody chose another mode"
+    assert len(vehicle.asked) == 3
+
+
+def test_a_mode_chosen_while_it_armed_is_not_overruled() -> None:
+    vehicle = Vehicle()
+    vehicle.see(0.0, GROUND)
+    vehicle.see(0.1, Seen(Mode.STABILIZED, True, 0.0, 0.0))
+    assert vehicle.failed == "arm: somebody chose another mode"
+    assert len(vehicle.asked) == 1
+
+
+def test_the_mode_in_which_it_began_is_none_while_it_has_not_left_it() -> None:
+    vehicle = Vehicle()
+    vehicle.see(0.0, GROUND)
+    vehicle.see(0.1, GROUND._replace(armed=True))
+    vehicle.see(0.9, GROUND._replace(armed=True))
+    assert vehicle.failed is None
+    assert [command for _, command, _ in vehicle.asked] == [ARM, SET_MODE, SET_MODE]

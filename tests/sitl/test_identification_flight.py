@@ -1,0 +1,123 @@
+"""From a flight to a flight with no hand in between: doublets in a noisy plant, identify, check, run in real time."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import companion.certify.assess
+from companion.cli import main
+from companion.config import load_config
+from companion.record.reader import read_flight
+
+ROOT = Path(__file__).resolve().parents[2]
+PX4 = ROOT / "config" / "px4_quadrotor.yaml"
+# Wind with a drift of its own, an estimate that is noisy and late, and a link that delays and loses.
+NOT_IDEAL = """\
+  setpoint_delay_s: 0.03
+  seed: 3
+  wind: {mean_ned_m_s: [2, 1, 0], gust: {peak_ned_m_s: [0.5, 0.5, 0], start_s: 2, hold_s: 1, every_s: 9}}
+  sensors: {position_m: 0.01, velocity_m_s: 0.01, attitude_deg: 0.2, delay_s: 0.004}
+  link:
+    down: {delay_s: 0.004, jitter_s: 0.002, loss: 0.005}
+    up: {delay_s: 0.004, jitter_s: 0.002}
+"""
+LINK_S = 0.004 + 0.001 + 0.004 + 0.001  # both ways, with the mean of the jitter
+TRUE = {"roll": (9.7, 0.94), "pitch": (9.5, 0.92)}
+
+
+class Ended(NamedTuple):
+    code: object
+    out: str
+    err: str
+
+
+@pytest.fixture
+def companion_(capfd: pytest.CaptureFixture[str]) -> object:
+    """The command, in this process."""
+
+    def call(*arguments: object) -> Ended:
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        assert "Traceback" not in err
+        return Ended(ended.value.code, out, err)
+
+    return call
+
+
+def fly_for_real(config: Path, out: Path) -> tuple[int, str, str]:
+    """`companion run` by the wall clock against a plant in a process of its own."""
+    command = [sys.executable, "-u", "-m", "companion"]
+    serving = [*command, "sitl", str(config), "--serve", "--port", "0"]
+    with subprocess.Popen(serving, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=ROOT) as plant:
+        try:
+            assert plant.stdout is not None
+            port = plant.stdout.readline().split()[-1]
+            short = (
+                "--set",
+                "mission.duration_s=4",
+                "--set",
+                "mission.waypoints=[{at_s: 1, offset_ned_m: [0.3, 0, 0]}]",
+            )
+            link = ("--link", f"udpout://127.0.0.1:{port}")
+            ended = subprocess.run(
+                [*command, "run", str(config), *link, "--engage", "--out", str(out), *short],
+                check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT, timeout=60,
+            )  # fmt: skip
+        finally:
+            plant.terminate()
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+def test_doublets_identify_check_run(companion_, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # type: ignore[no-untyped-def]
+    """Acceptance 4."""
+    mine, folder = tmp_path / "my.yaml", tmp_path / "identification"
+    mine.write_text(PX4.read_text().replace("  setpoint_delay_s: 0.03\n", NOT_IDEAL))
+
+    # the flight: more repeats than the default's four, since a gust may spoil one
+    repeats = ("--set", "mission.identification.repeats=6")
+    flight = companion_("sitl", mine, "--identify", *repeats, "--out", folder, "--json")
+    assert flight.code == 0, flight.err
+    assert json.loads(flight.out) == {"config": str(mine), "complete": True, "flights": [str(folder / "hedged")]}
+    assert read_flight(folder / "hedged").events[-1].name == "released_mission_complete"
+
+    # the response: what it is, its delay with the link's
+    before = load_config(mine)
+    identified = companion_("identify", folder / "hedged", "--config", mine, "--write", "--json")
+    assert identified.code == 0, identified.err
+    axes = json.loads(identified.out)["axes"]
+    for angle, (frequency, damping) in TRUE.items():
+        axis = axes[angle]
+        assert axis["chosen"] == "second_order_delay"
+        assert axis["manoeuvres"] >= 3
+        found = axis["models"]["second_order_delay"]
+        assert found["fit"] > 0.995
+        assert found["natural_frequency_rad_s"] == pytest.approx(frequency, rel=0.1)
+        assert found["damping_ratio"] == pytest.approx(damping, rel=0.1)
+        assert found["delay_s"] == pytest.approx(0.03 + LINK_S, abs=0.012)
+        assert axis["delay"]["link_s"] == pytest.approx(LINK_S, abs=0.004)
+    written = load_config(mine)
+    assert written.attitude != before.attitude
+    assert written.model_copy(update={"attitude": before.attitude}) == before, "nothing else changed"
+
+    # the certificate. What `check` tells beside it, how far from unstable and how much more delay would do, takes it
+    # minutes for intervals, and is tested elsewhere.
+    monkeypatch.setattr(companion.certify.assess, "unstable_bandwidth", lambda *_args, **_kwargs: None)
+    monkeypatch.setattr(companion.certify.assess, "largest_delay", lambda *_args, **_kwargs: None)
+    certificate = tmp_path / "my.certificate.json"
+    checked = companion_("check", mine, "--degree", "4", "--out", certificate, "--json")
+    assert checked.code == 0, checked.err + checked.out
+    assert certificate.exists()
+    monkeypatch.undo()
+
+    # and the flight that it covers, where `run` looks for it
+    code, out, err = fly_for_real(mine, tmp_path / "flights")
+    assert code == 0, out + err
+    assert "UNCERTIFIED" not in out + err
+    assert "released: mission_complete" in out
