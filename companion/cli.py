@@ -55,10 +55,7 @@ def _shared(parser: argparse.ArgumentParser) -> None:
 def _identifying(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--identify",
-        dest="overrides",
-        action="append_const",
-        default=[],
-        const="mission={identification: {}}",
+        action="store_true",
         help="fly attitude doublets for `companion identify` instead of the mission",
     )
 
@@ -222,6 +219,8 @@ def _sitl(arguments: argparse.Namespace) -> int:
 def main(argv: list[str] | None = None) -> None:
     """Entry point of the `companion` command. Exits."""
     arguments = _build_parser().parse_args(argv)
+    if getattr(arguments, "identify", False):  # first: what --set says of it counts more
+        arguments.overrides.insert(0, "mission={identification: {}}")
     try:
         code: int = arguments.function(arguments)
     except (ConfigError, LinkError) as error:

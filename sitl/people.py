@@ -148,6 +148,46 @@ class Steer(NamedTuple):
         )  # fmt: skip
 
 
+class SetParameter(NamedTuple):
+    """Somebody sets a parameter of the vehicle, and PX4 tells it to everybody."""
+
+    name: str
+    value: float
+
+    def happen(self, stage: Stage) -> None:
+        vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        message = mavlink.MAVLink_param_value_message(
+            self.name.encode(), self.value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0
+        )
+        stage.channels.down.put(bytes(message.pack(vehicle)), stage.autopilot.time_us)
+
+
+class Rival(NamedTuple):
+    """Somebody else flies the vehicle: a companion of the same name, or another system that streams set-points."""
+
+    same_name: bool
+
+    def happen(self, stage: Stage) -> None:
+        system, component = stage.companion_ids if self.same_name else (42, 195)
+        rival = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        level = [1.0, 0.0, 0.0, 0.0]
+        due_s = 0.0
+
+        def stream(elapsed_s: float) -> None:
+            nonlocal due_s
+            if elapsed_s < due_s:
+                return
+            due_s = elapsed_s + 0.1
+            message = (
+                mavlink.MAVLink_heartbeat_message(18, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 3, 3)
+                if self.same_name
+                else mavlink.MAVLink_set_attitude_target_message(0, 1, 1, 7, level, 0.0, 0.0, 0.0, 0.49)
+            )
+            stage.channels.down.put(bytes(message.pack(rival)), stage.autopilot.time_us)
+
+        stage.each_step(stream)
+
+
 class Forge(NamedTuple):
     """Another system on the wire claims the modes of an autopilot, so many times a control step, for a while."""
 

@@ -18,12 +18,15 @@ from sitl.people import (
     PilotKills,
     PilotTakes,
     Recover,
+    Rival,
+    SetParameter,
 )
 from sitl.scenario import Scenario
 from sitl.scenarios_flight import DONE, HOVER, STEP
 
 _FAULT: Final = Jump((0.0, 0.0, -1.4))  # a release for a fault, at once
 _BY_ITSELF: Final = (Mode.RTL,)
+_GAIN: Final = ("vehicle.parameters={MC_ROLL_P: 4.0}", "plant.parameters={MC_ROLL_P: 4.0}")
 
 AUTHORITY: Final = (
     Scenario(
@@ -242,6 +245,64 @@ AUTHORITY: Final = (
         engage=True,
         before=(AnswerTo(Mode.OFFBOARD, Answer.LATE, 1.5),),
         limit_s=60.0,
+    ),
+    Scenario(
+        "second_companion",
+        "another companion of the same name is on the link",
+        Reason.SECOND_COMPANION,
+        overrides=HOVER,
+        before=(Rival(same_name=True),),
+        pilot=False,
+        realtime=True,
+        engaged=False,
+        streams=False,
+        coast_s=0.1,
+        events=("second_companion",),
+    ),
+    Scenario(
+        "second_stream",
+        "somebody else streams set-points to the vehicle",
+        Reason.SECOND_COMPANION,
+        overrides=HOVER,
+        before=(Rival(same_name=False),),
+        pilot=False,
+        realtime=True,
+        engaged=False,
+        streams=False,
+        coast_s=0.1,
+        events=("second_companion",),
+    ),
+    Scenario(
+        "second_stream_in_control",
+        "somebody else begins to stream: it is told, and control goes on",
+        DONE,
+        ((2.0, Rival(same_name=False)),),
+        overrides=HOVER,
+        stays_within_m=0.3,
+        events=("second_companion",),
+    ),
+    Scenario(
+        "gain_changed",
+        "a gain is changed at stand-by: the certificate is not for it",
+        Reason.CERTIFICATE_STALE,
+        ((5.0, SetParameter("MC_ROLL_P", 6.5)),),
+        overrides=(*HOVER, *_GAIN),
+        pilot=False,
+        realtime=True,
+        engaged=False,
+        coast_s=0.1,
+        events=("standby", "parameter_changed"),
+    ),
+    Scenario(
+        "gain_changed_in_control",
+        "a gain is changed in control: it is told, and control goes on",
+        DONE,
+        ((1.0, SetParameter("MC_ROLL_P", 6.5)),),
+        overrides=(*HOVER, *_GAIN, "mission.duration_s=3"),
+        realtime=True,
+        stays_within_m=0.3,
+        coast_s=0.5,
+        events=("parameter_changed",),
     ),
     # --- a restart in flight
     Scenario(

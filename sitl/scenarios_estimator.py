@@ -138,6 +138,16 @@ ESTIMATOR: Final = (
         stays_within_m=2.0,
     ),
     Scenario(
+        "reset_again_and_again",
+        "resets by 0.4 m, each permitted, walk it away",
+        Reason.ESTIMATOR_JUMP,
+        tuple((1.0 + 1.2 * k, Jump((0.4, 0.0, 0.0))) for k in range(4)),
+        overrides=HOVER,
+        by_s=3.6,
+        stays_within_m=1.2,
+        events=("reseated",),
+    ),
+    Scenario(
         "jump_uncounted",
         "position jumps by 1.5 m and nobody counts it",
         Reason.VELOCITY_CONSISTENCY,

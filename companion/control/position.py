@@ -197,17 +197,17 @@ def step(
 
 
 def lean(
-    params: PositionParams, state: PositionState, roll_rad: float, pitch_rad: float
+    params: PositionParams, state: PositionState, trim: tuple[float, float], roll_rad: float, pitch_rad: float
 ) -> tuple[PositionState, AttitudeSetpoint]:
-    """A lean of so much about the trim in place of what the last step asked for, the vertical force kept.
+    """A lean of so much about a trim in place of what the last step asked for, the vertical force kept.
 
-    The trim is the bias weights' force: what a steady wind needs. Out: the state of a vehicle that flies this, and the
-    set-point.
+    `trim` is what a steady wind needs, specific force over g in the control frame. Out: the state of a vehicle that
+    flies this, and the set-point.
     """
     x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing = state
     c, s = math.cos(flown.yaw_rad), math.sin(flown.yaw_rad)
-    along = math.tan(math.atan(-x.bias_weight) - pitch_rad)
-    across = 0.0 if params.one_axis else math.tan(math.atan(-y.bias_weight) + roll_rad)
+    along = math.tan(math.atan(trim[0]) - pitch_rad)
+    across = 0.0 if params.one_axis else math.tan(math.atan(trim[1]) + roll_rad)
     if params.one_axis:
         along, across, up, _, _ = limits.limit_level(params.limits, math.sin(math.atan(along)))
     else:

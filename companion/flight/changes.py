@@ -16,6 +16,9 @@ from companion.mavlink.px4 import Mode, mode_name
 _CURRENT_MODE_S: Final = 2.0  # a vehicle that has not told by CURRENT_MODE what is intended by then does not know it
 
 
+_RESETS_LIMIT: Final = 2.0  # of guards.estimator_jump_m, for all resets within a minute
+
+
 class Changes:
     """Moves a flight from state to state.
 
@@ -26,6 +29,7 @@ class Changes:
         self._flight = flight
         self._warning = warning
         self._checking_since_s = 0.0
+        self._resets = estimator.Resets()
         self._told_intention = False
 
     def hear(self, frame: Frame) -> None:
@@ -47,6 +51,15 @@ class Changes:
         length_m, limit_m = estimator.length_m(jump), flight.limits.estimator_jump_m
         if length_m > limit_m:
             flight.refuse(Reason.ESTIMATOR_JUMP, f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m")
+            self.decide()
+            return
+        total_m = self._resets.add(sample.time_s, length_m)
+        if total_m > _RESETS_LIMIT * limit_m:
+            flight.refuse(
+                Reason.ESTIMATOR_JUMP,
+                f"the estimator's resets within {estimator.RESETS_S:g} s add up to {total_m:.2f} m, "
+                f"more than {_RESETS_LIMIT * limit_m:g} m",
+            )
             self.decide()
             return
         flight.pilot.reseat(jump)

@@ -7,6 +7,7 @@ source: 5 m in 0.6 s in a recording. Only position against integrated velocity s
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -28,6 +29,8 @@ _NEEDED: Final = (
 _TURNED_RAD: Final = math.radians(3.0)  # a smaller step of the heading may be the vehicle turning
 _LEAK_S: Final = 0.5
 _STILL: Final = (0.0, 0.0, 0.0)
+
+RESETS_S: Final = 60.0  # for which counted resets are remembered
 
 
 def missing_flags(flags: int) -> int:
@@ -58,6 +61,21 @@ def jump(before: Odometry, after: Odometry) -> Jump:
 def length_m(step: Jump) -> float:
     """How far the position jumped."""
     return math.hypot(step.x_m, step.y_m, step.z_m)
+
+
+class Resets:
+    """Counted resets of the last minute: small ones that come again and again move fence and origin with them."""
+
+    def __init__(self) -> None:
+        self._jumps: deque[tuple[float, float]] = deque()
+
+    def add(self, time_s: float, step_m: float) -> float:
+        """One more reset, so long; how far those of the last minute went in all, m."""
+        jumps = self._jumps
+        jumps.append((time_s, step_m))
+        while jumps[0][0] < time_s - RESETS_S:
+            jumps.popleft()
+        return sum(length for _, length in jumps)
 
 
 class Consistency(NamedTuple):

@@ -42,6 +42,7 @@ class Housekeeping:
         self._ground_station = GroundStation(one_axis=flight.config.vehicle.kind == "rig")
         self._engagement = engagement
         self._sight = Sight(flight)
+        self._met = False
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
         self.due_s = 0.0
@@ -58,7 +59,8 @@ class Housekeeping:
         elif number == ESTIMATOR_STATUS.message_id:
             self._sight.take(frame)
         elif number == PARAM_VALUE:
-            flight.preflight.told(frame)
+            if flight.preflight.told(frame):
+                self._parameter_changed()
         elif number == mavlink.MAVLINK_MSG_ID_COMMAND_ACK and self._engagement is not None:
             answer = decode_cold(frame)
             self._engagement.acknowledged(answer.command, answer.result)
@@ -79,6 +81,8 @@ class Housekeeping:
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
         self._sight.look()
+        if port.rival is not None:
+            self._meet(port.rival)
         if flight.sample is not None and state is not State.RELEASED and clock_s >= self._timesync_s:
             self._timesync_s = clock_s + INTERVAL_S
             flight.send(flight.delay.request(flight.clock_s()))
@@ -93,6 +97,29 @@ class Housekeeping:
         if clock_s >= self._flush_s:  # seldom: waking the writer costs as much as ten ticks
             self._flush_s = clock_s + _FLUSH_S
             flight.recorder.flush()
+
+    def _parameter_changed(self) -> None:
+        """Somebody has set what the certificate is for: never begin with it; in control it is too late but to tell."""
+        flight = self._flight
+        text = flight.preflight.stale or "the vehicle's parameters are again what the certificate is for"
+        flight.event("parameter_changed", text)
+        flight.say(text)
+        flight.tell("companion: certificate stale" if flight.preflight.stale else "companion: certificate valid again")
+        refused = flight.preflight.refused()
+        if refused is not None and flight.state is State.STANDBY:
+            flight.refuse(Reason.CERTIFICATE_STALE, refused)
+
+    def _meet(self, rival: str) -> None:
+        """Somebody else flies this vehicle: never begin; in control only tell, for to let go would make it theirs."""
+        flight = self._flight
+        if not self._met:
+            self._met = True
+            flight.event("second_companion", rival)
+            flight.say(rival)
+            flight.tell(f"companion: {rival}")
+        if flight.state in (State.CHECKING, State.STANDBY):
+            flight.refuse(Reason.SECOND_COMPANION, f"{rival}: stop it, or give one of them another vehicle")
+        flight.port.rival = None
 
     def _notify(self, notifier: Notifier, wall_s: float) -> None:
         """Readiness is stand-by; the watchdog is fed by ticks once there are any to come."""

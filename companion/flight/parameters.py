@@ -21,6 +21,7 @@ PARAM_VALUE: Final = mavlink.MAVLINK_MSG_ID_PARAM_VALUE
 _AT_ONCE: Final = 4  # requests a call: what a slow serial line takes beside the set-points
 _ASK_AGAIN_S: Final = 0.5
 _PATIENCE_S: Final = 5.0
+_NAME: Final = slice(8, 24)  # after the value, how many there are, and which it is
 _FORMATS: Final[Mapping[int, str]] = {
     mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
     mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
@@ -56,6 +57,11 @@ def parameter(frame: Frame) -> tuple[str, int | float] | None:
         return None
     (value,) = struct.unpack(layout, frame.payload[:4].ljust(4, b"\0"))
     return message.param_id, value
+
+
+def name_of(frame: Frame) -> str:
+    """The name in a PARAM_VALUE; a tool beside a flight may ask for all of a thousand, and one is wanted."""
+    return frame.payload[_NAME].rstrip(b"\0").decode("ascii", "replace")
 
 
 class ParameterReader:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from companion.config.schema import Config
 from companion.control import attitude, mrac, position
@@ -13,6 +14,8 @@ from companion.flight.setup import hover_params, initial_weights, position_param
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
+
+_TRIM_S: Final = 1.0  # over which it is averaged
 
 
 class Pilot:
@@ -28,6 +31,7 @@ class Pilot:
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
         self._mission = Mission(config.mission)
         flown = config.mission.identification
+        self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
         self._manoeuvre = None if flown is None else Manoeuvre(flown, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
@@ -80,17 +84,23 @@ class Pilot:
             self.target = self._mission.command(self.elapsed_s, self.origin)
         self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
         self._sample = sample
-        return self.last[0] if self._manoeuvre is None else self._excite(self._manoeuvre, sample)
+        return self.last[0] if self._manoeuvre is None else self._excite(self._manoeuvre, sample, dt_s)
 
-    def _excite(self, manoeuvre: Manoeuvre, sample: Odometry) -> AttitudeSetpoint:
+    def _excite(self, manoeuvre: Manoeuvre, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
         """The controller's set-point, or in its place that of a doublet; the controller knows what was flown."""
         assert self._control is not None
         assert self.last is not None
         distance = math.hypot(sample.x_m - self.target.x_m, sample.y_m - self.target.y_m)
         offset = manoeuvre.offset(self.elapsed_s, distance, math.hypot(sample.vx_m_s, sample.vy_m_s))
         if offset is None:
+            x, y = self._trim
+            share = min(dt_s / _TRIM_S, 1.0)
+            self._trim = (
+                x - share * (self._control.x.bias_weight + x),
+                y - share * (self._control.y.bias_weight + y),
+            )
             return self.last.setpoint
-        self._control, setpoint = position.lean(self._params, self._control, *offset)
+        self._control, setpoint = position.lean(self._params, self._control, self._trim, *offset)
         self.last = self.last._replace(setpoint=setpoint)
         return setpoint
 

@@ -26,6 +26,9 @@ _AUTOPILOT = HEARTBEAT.index("autopilot")
 _SYSTEM_STATUS = HEARTBEAT.index("system_status")
 _CURRENT_MODE = CURRENT_MODE.index("custom_mode")
 _INTENDED_MODE = CURRENT_MODE.index("intended_custom_mode")
+_TARGET_SYSTEM = SET_ATTITUDE_TARGET.index("target_system")
+_TARGET_COMPONENT = SET_ATTITUDE_TARGET.index("target_component")
+_RIVALS = frozenset({HEARTBEAT.message_id, SET_ATTITUDE_TARGET.message_id})
 _MOST_STEERING = 4  # commands between two looks at them: only the newest is flown
 
 
@@ -37,7 +40,8 @@ class Port:
 
     Attributes: `mode` (custom_mode) and `armed` as last heard, `intended_mode` what it was told to be in, None while
     nobody has said so; `system_status` (MAV_STATE) of its last heartbeat, `mode_reports` how often the mode was heard,
-    `connected` once a heartbeat came; `steering` commands of those who may steer, for the reader to take away.
+    `connected` once a heartbeat came; `steering` commands of those who may steer, and `rival`, who else was heard to
+    fly the vehicle or to go by our name, both for the reader to take away.
     """
 
     def __init__(self, config: Config, link: Link, recorder: Recorder, *, lockstep: bool = False) -> None:
@@ -55,6 +59,7 @@ class Port:
         self._sequence = 0
         self.foreign = 0
         self.steering: list[Frame] = []
+        self.rival: str | None = None
         self.connected = False
         self.mode = 0
         self.intended_mode: int | None = None
@@ -85,7 +90,24 @@ class Port:
                     self.steering = [*self.steering[1 - _MOST_STEERING :], frame]
             else:
                 self.foreign += 1
+                if self.connected and self.rival is None and number in _RIVALS:
+                    self.rival = self._recognise(frame)
         return kept
+
+    def _recognise(self, frame: Frame) -> str | None:
+        """Who it is that flies the vehicle beside us, or goes by our name; None for everybody else."""
+        who = (frame.system_id, frame.component_id)
+        if frame.message_id == SET_ATTITUDE_TARGET.message_id:
+            values = SET_ATTITUDE_TARGET.unpack(frame.payload)
+            system, component = values[_TARGET_SYSTEM], values[_TARGET_COMPONENT]
+            if who != self._own and (system != self._vehicle[0] or component not in (0, self._vehicle[1])):
+                return None
+            text = "{}/{} streams to the vehicle".format(*who)
+        elif who == self._own:
+            text = "another companion is {}/{} too".format(*who)
+        else:
+            return None
+        return text if self._signing is None or self._signing.verify(frame) else None
 
     def tally(self) -> str:
         """What came over the link and was not believed, for the log."""

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from companion.config.schema import Config
 from companion.flight.estimator import ESTIMATOR_STATUS
-from companion.flight.parameters import ParameterReader, stale
+from companion.flight.parameters import ParameterReader, name_of, stale
 from companion.flight.port import CURRENT_MODE
 from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.mavlink import px4
@@ -69,11 +69,16 @@ class Preflight:
         """The time stamp of an odometry sample."""
         self._meter.take(time_s)
 
-    def told(self, frame: Frame) -> None:
-        """A PARAM_VALUE."""
+    def told(self, frame: Frame) -> bool:
+        """A PARAM_VALUE, also of what somebody sets later; whether `stale` is another for it since it was judged."""
         if not self._parameters_over:
             self._parameters.take(frame)
             self._judge(self._parameters.done)
+            return False
+        if name_of(frame) not in self._expected or not self._parameters.take(frame):
+            return False
+        before, self.stale = self.stale, stale(self._expected, self._parameters.values)
+        return self.stale != before
 
     @property
     def hover_thrust(self) -> float | None:

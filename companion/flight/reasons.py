@@ -49,6 +49,7 @@ class Reason(StrEnum):
     NO_VEHICLE = "no_vehicle"
     RATE_TOO_LOW = "rate_too_low"
     CERTIFICATE_STALE = "certificate_stale"
+    SECOND_COMPANION = "second_companion"
     ENGAGE_REFUSED = "engage_refused"
 
 
@@ -86,5 +87,6 @@ MEANING: Final = {
     Reason.NO_VEHICLE: "no heartbeat of the configured vehicle within link.connect_timeout_s",
     Reason.RATE_TOO_LOW: "odometry arrives below tick.floor_hz",
     Reason.CERTIFICATE_STALE: "the vehicle's gains are not those its attitude response was identified with",
+    Reason.SECOND_COMPANION: "another companion is there, or somebody else streams to the vehicle: stop one of the two",
     Reason.ENGAGE_REFUSED: "the vehicle did not arm, take off or accept OFFBOARD",
 }

@@ -455,6 +455,23 @@ def test_a_small_reset_is_flown_through_and_a_large_one_ends_control(tmp_path: P
     assert [e.detail for e in read_flight(folder).events if e.name == "reseated"] == ["the estimator reset, 0.40 m"]
 
 
+def test_small_resets_that_come_again_and_again_end_control(tmp_path: Path) -> None:
+    with flown(tmp_path, "--set", "guards.velocity_consistency_m.enabled=false") as (autopilot, process):
+        autopilot.start()
+        until(process, "^engaged")
+        began_us = round(1e6 * (time.monotonic() - autopilot.began_s))
+
+        def walking(time_us: int) -> list[mavlink.MAVLink_message]:
+            resets = max(time_us - began_us, 0) // 300_000
+            return odometry(time_us, 0.4 * resets, resets=resets)
+
+        autopilot.pose = walking
+        line = until(process, "^released")
+        assert "estimator_jump" in line
+        assert "add up to 1.20 m, more than 1 m" in line
+        assert process.wait(5.0) == 1
+
+
 def test_a_slide_that_nobody_counts_and_doubt_end_control_with_their_own_reasons(tmp_path: Path) -> None:
     with flown(tmp_path) as (autopilot, process):
         autopilot.start()
@@ -545,6 +562,23 @@ def test_a_link_whose_delay_is_seen_no_longer_is_told_and_flown_on(tmp_path: Pat
         time.sleep(0.5)
         assert process.poll() is None
         assert any(m.get_type() == "STATUSTEXT" and "cannot see: link_delay_s" in m.text for m in autopilot.heard)
+
+
+@pytest.mark.parametrize("when", ["at once", "at stand-by"])
+def test_two_companions_are_one_too_many(when: str, tmp_path: Path) -> None:
+    twin = mavlink.MAVLink(None, 1, 191)
+    with flown(tmp_path) as (autopilot, process):
+        autopilot.switches = False
+        if when == "at once":
+            autopilot.pose = lambda time_us: [*odometry(time_us), Forged(twin)]
+        autopilot.start()
+        if when == "at stand-by":
+            until(process, "^standby")
+            autopilot.pose = lambda time_us: [*odometry(time_us), Forged(twin)]
+        assert process.wait(10.0) == 2
+        assert process.stderr is not None
+        assert "another companion is 1/191 too" in process.stderr.read()
+        assert bool(autopilot.setpoints()) == (when == "at stand-by")
 
 
 class Broken(Pilot):

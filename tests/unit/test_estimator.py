@@ -46,6 +46,15 @@ def test_the_heading_jumps_too_but_turning_is_no_jump(turned_deg: float, expecte
     assert math.degrees(estimator.jump(AT_REST, after).yaw_rad) == pytest.approx(expected_deg)
 
 
+def test_resets_add_up_over_a_minute() -> None:
+    resets = estimator.Resets()
+    assert resets.add(10.0, 0.4) == pytest.approx(0.4)
+    assert resets.add(11.0, 0.4) == pytest.approx(0.8)
+    assert resets.add(69.0, 0.3) == pytest.approx(1.1)
+    assert resets.add(70.5, 0.1) == pytest.approx(0.8)
+    assert resets.add(300.0, 0.2) == pytest.approx(0.2)
+
+
 def slid(speed_m_s: float, said_m_s: float, seconds: float, period_s: float = 0.02) -> float:
     """How far position and velocity are apart after moving at one speed and telling another."""
     state, drift_m = Consistency(AT_REST._replace(vx_m_s=said_m_s)), 0.0

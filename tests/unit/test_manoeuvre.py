@@ -163,7 +163,7 @@ def angles(setpoint: AttitudeSetpoint) -> tuple[float, float, float]:
 @pytest.mark.parametrize("offset", [(AMPLITUDE_RAD, 0.0), (-AMPLITUDE_RAD, 0.0), (0.0, AMPLITUDE_RAD), (0.0, 0.0)])
 def test_a_lean_is_about_the_trim_and_keeps_the_vertical_force(yaw: float, offset: tuple[float, float]) -> None:
     params, state = hovering(yaw, (0.03, -0.05))
-    leaning, setpoint = position.lean(params, state, *offset)
+    leaning, setpoint = position.lean(params, state, (-0.03, 0.05), *offset)
     trim_roll, trim_pitch = math.atan(0.05), math.atan(0.03)  # a force of -bias: along -tan(pitch), across tan(roll)
     roll, pitch, heading = angles(setpoint)
     # (6) keeps the body's y axis normal to the heading, so that the lean of one axis turns the other a little
@@ -183,7 +183,7 @@ def test_a_lean_is_about_the_trim_and_keeps_the_vertical_force(yaw: float, offse
 
 def test_a_lean_stays_within_the_tilt_limit() -> None:
     params, state = hovering(0.3, (0.0, 0.0))
-    _, setpoint = position.lean(params, state, math.radians(50.0), 0.0)
+    _, setpoint = position.lean(params, state, (0.0, 0.0), math.radians(50.0), 0.0)
     roll, pitch, _ = angles(setpoint)
     assert math.degrees(roll) <= 30.0 + 1e-6
     assert pitch == pytest.approx(0.0, abs=1e-9)
@@ -191,7 +191,7 @@ def test_a_lean_stays_within_the_tilt_limit() -> None:
 
 def test_a_rig_leans_in_pitch_alone_and_its_thrust_stays_at_hover() -> None:
     params, state = hovering(0.0, (0.0, 0.0), RIG)
-    _, setpoint = position.lean(params, state, 0.1, AMPLITUDE_RAD)
+    _, setpoint = position.lean(params, state, (0.0, 0.0), 0.1, AMPLITUDE_RAD)
     roll, pitch, _ = angles(setpoint)
     assert (roll, pitch) == pytest.approx((0.0, AMPLITUDE_RAD), abs=1e-9)
     assert setpoint.thrust == pytest.approx(0.5)

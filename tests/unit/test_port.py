@@ -168,6 +168,35 @@ def test_nobody_steers_by_default() -> None:
     assert (bench.port.steering, bench.port.foreign) == ([], 1)
 
 
+# --- rivals ---------------------------------------------------------------------------------------------------------
+
+
+def stream(sender: tuple[int, int], system: int = 1, component: int = 1) -> bytes:
+    message = mavlink.MAVLink_set_attitude_target_message(0, system, component, 7, [1, 0, 0, 0], 0, 0, 0, 0.5)
+    return packed(message, *sender)
+
+
+@pytest.mark.parametrize(
+    ("frame", "expected"),
+    [
+        (heartbeat(system=1, component=191), "another companion is 1/191 too"),
+        (stream((1, 191), 7, 1), "1/191 streams to the vehicle"),
+        (stream((255, 190)), "255/190 streams to the vehicle"),
+        (stream((1, 195), 1, 0), "1/195 streams to the vehicle"),
+        (stream((255, 190), 2, 1), None),  # another vehicle's
+        (heartbeat(system=255, component=190), None),
+        (heartbeat(system=1, component=195), None),
+    ],
+)
+def test_somebody_else_who_flies_the_vehicle_is_recognised(frame: bytes, expected: str | None) -> None:
+    bench = Bench()
+    bench.hear(frame)
+    assert bench.port.rival is None  # nobody has proved to be the autopilot yet
+    bench.hear(heartbeat())
+    assert bench.hear(frame) == []
+    assert bench.port.rival == expected
+
+
 # --- the key --------------------------------------------------------------------------------------------------------
 
 
@@ -217,6 +246,15 @@ def test_with_a_key_everything_is_signed(key_file: str) -> None:
     assert [frame.message_id for frame in frames] == [0, 82]
     assert all(vehicle.verify(frame) for frame in frames)
     assert bench.log.records == [(SENT, data) for data in bench.wire.sent]
+
+
+def test_with_a_key_a_rival_must_have_it_too(key_file: str) -> None:
+    bench, vehicle, twin = Bench(key_file), Signing(KEY), Signing(KEY, link_id=3)
+    bench.hear(vehicle.sign(heartbeat()))
+    bench.hear(heartbeat(system=1, component=191))
+    assert bench.port.rival is None
+    bench.hear(twin.sign(heartbeat(system=1, component=191)))
+    assert bench.port.rival is not None
 
 
 def test_with_a_key_steering_must_be_signed_too(key_file: str) -> None:
