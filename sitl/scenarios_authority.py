@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from companion.flight.authority import Reason
-from sitl.faults import Jump
+from sitl.faults import Jump, Mute
 from sitl.modes import Mode
 from sitl.obedience import Answer
 from sitl.people import (
@@ -26,6 +26,7 @@ from sitl.scenarios_flight import DONE, HOVER, STEP
 
 _FAULT: Final = Jump((0.0, 0.0, -1.4))  # a release for a fault, at once
 _BY_ITSELF: Final = (Mode.RTL,)
+_CURRENT_MODE: Final = 436
 _GAIN: Final = ("vehicle.parameters={MC_ROLL_P: 4.0}", "plant.parameters={MC_ROLL_P: 4.0}")
 
 AUTHORITY: Final = (
@@ -273,7 +274,7 @@ AUTHORITY: Final = (
         events=("second_companion",),
     ),
     Scenario(
-        "second_stream_in_control",
+        "second_stream_later",
         "somebody else begins to stream: it is told, and control goes on",
         DONE,
         ((2.0, Rival(same_name=False)),),
@@ -294,7 +295,7 @@ AUTHORITY: Final = (
         events=("standby", "parameter_changed"),
     ),
     Scenario(
-        "gain_changed_in_control",
+        "gain_changed_later",
         "a gain is changed in control: it is told, and control goes on",
         DONE,
         ((1.0, SetParameter("MC_ROLL_P", 6.5)),),
@@ -313,6 +314,20 @@ AUTHORITY: Final = (
         overrides=HOVER,
         pilot=False,
         before=(AlreadyInOffboard(),),
+        realtime=True,
+        engaged=False,
+        streams=False,
+        ends_in=_BY_ITSELF,
+        coast_s=0.2,
+    ),
+    Scenario(
+        "restart_untold",
+        "the same on a PX4 that does not tell what is intended: its Return is taken for no pilot's",
+        Reason.OPERATOR,
+        ((8.0, OperatorStops()),),
+        overrides=HOVER,
+        pilot=False,
+        before=(AlreadyInOffboard(), Mute(_CURRENT_MODE)),
         realtime=True,
         engaged=False,
         streams=False,

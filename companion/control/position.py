@@ -91,24 +91,28 @@ def engage(
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
     hover_thrust: float,
+    one_axis: bool = False,
 ) -> PositionState:
     """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity).
 
-    Where it leans or moves, the difference between its own tilt and the one the law wants is eased out.
+    It begins with the attitude that the vehicle has and the thrust that carries it; what the law wants is eased into.
     """
     now = in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
-    lean_x, lean_y = now.wx + weights_x[1] * now.vx_m_s, now.wy + weights_y[1] * now.vy_m_s
+    _, _, down = attitude.thrust_direction(odometry.qw, odometry.qx, odometry.qy, odometry.qz)
+    upright = max(-down, 0.1)  # the guard on tilt ends control long before that
+    size = 1.0 if one_axis else 1.0 / upright  # a rig's thrust is turned, a free vehicle's also carries the weight
+    wx, wy = size * now.wx, size * now.wy
     return PositionState(
-        mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], now.wx),
-        mrac.start(now.y_m, now.vy_m_s, weights_y[0], weights_y[1], now.wy),
+        mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], wx),
+        mrac.start(now.y_m, now.vy_m_s, weights_y[0], weights_y[1], wy),
         altitude.start(odometry.z_m, odometry.vz_m_s),
         hover.start(hover_thrust, odometry.vz_m_s),
         odometry.x_m,
         odometry.y_m,
         Command(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
-        (now.wx, now.wy, 1.0),
-        hover_thrust,
-        ease.EaseState(lean_x, lean_y, 0.0, ease.DURATION_S, False),
+        (wx, wy, size * upright),
+        size * hover_thrust,
+        ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
     )
 
 

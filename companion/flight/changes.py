@@ -152,6 +152,7 @@ class Changes:
         if flight.sample is not None:
             flight.ground_z_m = flight.sample.z_m
         flight.pose.settle()
+        flight.pilot.believe_hover_thrust(flight.preflight.hover_thrust)
         if flight.preflight.stale is not None:
             flight.event("uncertified", flight.preflight.stale)
             flight.say(f"UNCERTIFIED FLIGHT: {flight.preflight.stale}")

@@ -35,11 +35,22 @@ class Pilot:
         self._manoeuvre = None if flown is None else Manoeuvre(flown, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
+        self._hover = config.vehicle.hover_thrust
         self._sample: Odometry | None = None  # of the last tick
         self._since_s = 0.0
         self.origin = self.target = Command(0.0, 0.0, 0.0, 0.0)
         self.last: position.PositionOutput | None = None
         self.elapsed_s = 0.0
+
+    def believe_hover_thrust(self, hover_thrust: float | None) -> None:
+        """The autopilot's own (MPC_THR_HOVER), for stand-by and take-over."""
+        limits = self._params.limits
+        if (
+            hover_thrust is not None
+            and self._config.vehicle.hover_thrust_source != "config"
+            and limits.thrust_min < hover_thrust < limits.thrust_max
+        ):
+            self._hover = hover_thrust
 
     def take_over(self, sample: Odometry, hover_thrust: float | None = None) -> None:
         """A bumpless start: references, anchor and mission begin where the vehicle is.
@@ -47,19 +58,14 @@ class Pilot:
         `hover_thrust` is the autopilot's own (MPC_THR_HOVER). It counts unless `vehicle.hover_thrust_source` is config,
         and only within the thrust limits.
         """
-        hover, limits = self._config.vehicle.hover_thrust, self._params.limits
-        if (
-            hover_thrust is not None
-            and self._config.vehicle.hover_thrust_source != "config"
-            and limits.thrust_min < hover_thrust < limits.thrust_max
-        ):
-            hover = hover_thrust
+        self.believe_hover_thrust(hover_thrust)
+        hover = self._hover
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._steered = False
         self._since_s = sample.time_s
-        self._control = position.engage(sample, yaw, *self._weights, hover)
+        self._control = position.engage(sample, yaw, *self._weights, hover, self._params.one_axis)
 
     def steer(self, target: Command) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""
@@ -141,7 +147,7 @@ class Pilot:
     @property
     def hover_thrust(self) -> float:
         """The normalised thrust taken for the one that carries the weight."""
-        return self._config.vehicle.hover_thrust if self._control is None else self._control.hover.hover_thrust
+        return self._hover if self._control is None else self._control.hover.hover_thrust
 
     def record(self, sample: Odometry, dt_s: float, setpoint: AttitudeSetpoint, latency_s: float, state: int) -> bytes:
         """The tick just flown, as `companion.record.schema` has it."""

@@ -120,10 +120,11 @@ def test_weights_on_a_bound_are_counted_over_both_axes() -> None:
 def test_thrust_at_its_limit_is_told_apart_from_a_cut_tilt() -> None:
     pilot = Pilot(HOLD, hedging=True)
     pilot.take_over(sample(0.0))
-    pilot.step(sample(0.004, Jump(1.5, 0, 0, 2.0, 0, 0, 0)), 0.004)
+    hover(pilot, 0.004, 1.2)  # what engagement eased in has run out
+    pilot.step(sample(1.208, Jump(1.5, 0, 0, 2.0, 0, 0, 0)), 0.004)
     assert pilot.last is not None
     assert (pilot.last.limited, pilot.last.thrust_limited) == (True, False)
-    pilot.step(sample(0.008, Jump(0, 0, 9.0, 0, 0, 5.0, 0)), 0.004)
+    pilot.step(sample(1.212, Jump(0, 0, 9.0, 0, 0, 5.0, 0)), 0.004)
     assert (pilot.last.limited, pilot.last.thrust_limited) == (True, True)
 
 

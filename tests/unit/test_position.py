@@ -22,7 +22,9 @@ from companion.control import (
     reference_model,
     setpoint,
 )
+from companion.control.ease import EaseState
 from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from sitl.quadrotor import quaternion
 
 angles = st.floats(-math.pi, math.pi)
 ALTITUDE = altitude.AltitudeParams(1.5, 4.0, 1.0, 0.2, 30.0, 3.0, 1.0, 9.81)
@@ -62,6 +64,9 @@ def params(
         setpoint.SetpointParams(1.0 if free else math.inf, math.radians(45.0)),
         STILL._replace(rate_1_s=0.5) if free else STILL,
     )
+
+
+SETTLED = EaseState(0.0, 0.0, 0.0, 0.0, False)  # long after engagement
 
 
 def engage(
@@ -356,7 +361,7 @@ def test_a_far_command_at_limited_speed_stays_near_the_vehicle() -> None:
 
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50))
 def test_limits_hold_whatever_is_commanded(x: float, y: float, z: float) -> None:
-    state = engage(level(), 0.0, (0.5, 0.3), (0.5, 0.3))
+    state = engage(level(), 0.0, (0.5, 0.3), (0.5, 0.3))._replace(ease=SETTLED)
     _, out = position.step(params(tilt_deg=20.0), state, level(), Command(x, y, z, 0.0), 0.0)
     sp = out.setpoint
     tilt = math.acos(min(1.0, -attitude.thrust_direction(sp.qw, sp.qx, sp.qy, sp.qz)[2]))
@@ -365,7 +370,7 @@ def test_limits_hold_whatever_is_commanded(x: float, y: float, z: float) -> None
 
 
 def test_rig_keeps_hover_thrust_and_moves_along_x_alone() -> None:
-    state = engage(level(z=0.0), 0.0, (0.0, 0.0), (0.0, 0.0))
+    state = engage(level(z=0.0), 0.0, (0.0, 0.0), (0.0, 0.0))._replace(ease=SETTLED)
     _, out = position.step(params(one_axis=True), state, level(z=0.0), Command(0.35, 5.0, -3.0, 0.0), 0.0)
     assert out.setpoint.thrust == pytest.approx(0.5)
     assert out.y.control == 0.0
@@ -410,3 +415,22 @@ def test_numba_compiles_the_steps_unchanged_and_agrees(monkeypatch: pytest.Monke
     np.testing.assert_allclose(fly_all(), plain, rtol=1e-9, atol=1e-12)
     assert position.step.signatures  # type: ignore[attr-defined]  # it ran compiled
     assert position.reseat.signatures  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("one_axis", [False, True])
+@given(
+    st.floats(-25, 25), st.floats(-25, 25), st.floats(-2, 2), st.floats(-2, 2), st.floats(-1.5, 1.5), st.floats(-3, 3)
+)
+def test_control_begins_with_the_attitude_that_the_vehicle_has(
+    one_axis: bool, roll_deg: float, pitch_deg: float, vx: float, vy: float, vz: float, yaw: float
+) -> None:
+    if one_axis:
+        roll_deg = yaw = 0.0
+    q = quaternion(math.radians(roll_deg), math.radians(pitch_deg), yaw)
+    here = Odometry(0.0, 1.0, 2.0, -3.0, vx, vy, vz, *q)
+    state = position.engage(here, yaw, (0.5, 0.3), (0.5, 0.3), 0.5, one_axis)
+    _, out = position.step(params(one_axis=one_axis), state, here, Command(1.0, 2.0, -3.0, yaw), 0.0)
+    was, now = attitude.thrust_direction(*q), attitude.thrust_direction(*out.setpoint[:4])
+    between = math.degrees(math.acos(min(1.0, sum(a * b for a, b in zip(was, now, strict=True)))))
+    assert between < 0.2
+    assert out.setpoint.thrust == pytest.approx(0.5 if one_axis else 0.5 / -was[2], rel=1e-6)
