@@ -86,33 +86,41 @@ def in_control_frame(
 
 
 def engage(
+    params: PositionParams,
     odometry: Odometry,
     yaw_rad: float,
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
     hover_thrust: float,
-    one_axis: bool = False,
 ) -> PositionState:
     """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity).
 
-    It begins with the attitude that the vehicle has and the thrust that carries it; what the law wants is eased into.
+    It begins with the attitude that the vehicle has and the thrust that carries it. What the law wants where it is and
+    as it moves is eased into; a command to be elsewhere is not.
     """
     now = in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
     _, _, down = attitude.thrust_direction(odometry.qw, odometry.qx, odometry.qy, odometry.qz)
     upright = max(-down, 0.1)  # the guard on tilt ends control long before that
-    size = 1.0 if one_axis else 1.0 / upright  # a rig's thrust is turned, a free vehicle's also carries the weight
+    size = 1.0 if params.one_axis else 1.0 / upright  # a rig's thrust is turned, a free one also carries the weight
     wx, wy = size * now.wx, size * now.wy
+    z = altitude.start(odometry.z_m, odometry.vz_m_s)
+    _, up = altitude.step(
+        params.altitude, z, odometry.z_m, odometry.vz_m_s, odometry.z_m, 0.0, 1.0,
+        params.limits.thrust_min / hover_thrust, params.limits.thrust_max / hover_thrust, 1.0,
+    )  # fmt: skip
+    brake_x = min(max(weights_x[1], params.x.velocity_weight_lower), params.x.velocity_weight_upper) * now.vx_m_s
+    brake_y = min(max(weights_y[1], params.y.velocity_weight_lower), params.y.velocity_weight_upper) * now.vy_m_s
     return PositionState(
         mrac.start(now.x_m, now.vx_m_s, weights_x[0], weights_x[1], wx),
         mrac.start(now.y_m, now.vy_m_s, weights_y[0], weights_y[1], wy),
-        altitude.start(odometry.z_m, odometry.vz_m_s),
+        z,
         hover.start(hover_thrust, odometry.vz_m_s),
         odometry.x_m,
         odometry.y_m,
         Command(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
         (wx, wy, size * upright),
         size * hover_thrust,
-        ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
+        ease.EaseState(wx + brake_x, wy + brake_y, 1.0 - up, ease.DURATION_S, False),
     )
 
 

@@ -65,7 +65,7 @@ class Pilot:
         self.origin = self.target = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._steered = False
         self._since_s = sample.time_s
-        self._control = position.engage(sample, yaw, *self._weights, hover, self._params.one_axis)
+        self._control = position.engage(self._params, sample, yaw, *self._weights, hover)
 
     def steer(self, target: Command) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""

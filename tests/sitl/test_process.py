@@ -533,8 +533,12 @@ def test_what_a_guard_cannot_see_is_told(tmp_path: Path) -> None:
         assert "position_variance_m2" in until(process, "^guard cannot see")
 
 
+STANDS_STILL = [f"guards.{name}.enabled=false" for name in ("attitude_response_deg", "tilt_error_deg", "hover_thrust")]
+LONGER = [word for setting in STANDS_STILL for word in ("--set", setting)]  # than what does not answer may stand there
+
+
 def test_an_estimator_that_no_longer_answers_ends_control(tmp_path: Path) -> None:
-    with flown(tmp_path) as (autopilot, process):
+    with flown(tmp_path, *LONGER) as (autopilot, process):
         autopilot.tells_estimator = True
         autopilot.start()
         until(process, "^engaged")
@@ -545,7 +549,7 @@ def test_an_estimator_that_no_longer_answers_ends_control(tmp_path: Path) -> Non
 
 
 def test_variances_that_are_told_no_longer_end_control(tmp_path: Path) -> None:
-    with flown(tmp_path) as (autopilot, process):
+    with flown(tmp_path, *LONGER) as (autopilot, process):
         autopilot.start()
         until(process, "^engaged")
         autopilot.pose = lambda time_us: odometry(time_us, variance=math.nan)
@@ -553,7 +557,7 @@ def test_variances_that_are_told_no_longer_end_control(tmp_path: Path) -> None:
 
 
 def test_a_link_whose_delay_is_seen_no_longer_is_told_and_flown_on(tmp_path: Path) -> None:
-    with flown(tmp_path, "--set", "attitude.x.delay_s=0.05") as (autopilot, process):
+    with flown(tmp_path, "--set", "attitude.x.delay_s=0.05", *LONGER) as (autopilot, process):
         autopilot.start()
         until(process, "^engaged")
         time.sleep(0.5)

@@ -149,7 +149,7 @@ def hovering(
     params = position_params(read, hedging=True)
     odometry = Odometry(0.0, 3.0, 4.0, -5.0, 0.0, 0.0, 0.0, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
     weights = initial_weights(read, params.x)
-    state = position.engage(odometry, yaw, weights, weights, read.vehicle.hover_thrust)
+    state = position.engage(params, odometry, yaw, weights, weights, read.vehicle.hover_thrust)
     x, y = state.x._replace(bias_weight=bias[0]), state.y._replace(bias_weight=bias[1])
     up = 1.0 if params.one_axis else 1.05
     return params, state._replace(x=x, y=y, force=(-bias[0], -bias[1], up))

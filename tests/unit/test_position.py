@@ -72,7 +72,7 @@ SETTLED = EaseState(0.0, 0.0, 0.0, 0.0, False)  # long after engagement
 def engage(
     odometry: Odometry, yaw: float, weights_x: tuple[float, float], weights_y: tuple[float, float]
 ) -> position.PositionState:
-    return position.engage(odometry, yaw, weights_x, weights_y, 0.5)
+    return position.engage(params(), odometry, yaw, weights_x, weights_y, 0.5)
 
 
 def level(x: float = 0.0, y: float = 0.0, z: float = -1.0, yaw: float = 0.0) -> Odometry:
@@ -428,8 +428,9 @@ def test_control_begins_with_the_attitude_that_the_vehicle_has(
         roll_deg = yaw = 0.0
     q = quaternion(math.radians(roll_deg), math.radians(pitch_deg), yaw)
     here = Odometry(0.0, 1.0, 2.0, -3.0, vx, vy, vz, *q)
-    state = position.engage(here, yaw, (0.5, 0.3), (0.5, 0.3), 0.5, one_axis)
-    _, out = position.step(params(one_axis=one_axis), state, here, Command(1.0, 2.0, -3.0, yaw), 0.0)
+    flown = params(one_axis=one_axis)
+    state = position.engage(flown, here, yaw, (0.5, 0.3), (0.5, 0.3), 0.5)
+    _, out = position.step(flown, state, here, Command(1.0, 2.0, -3.0, yaw), 0.0)
     was, now = attitude.thrust_direction(*q), attitude.thrust_direction(*out.setpoint[:4])
     between = math.degrees(math.acos(min(1.0, sum(a * b for a, b in zip(was, now, strict=True)))))
     assert between < 0.2
