@@ -259,7 +259,9 @@ def test_a_blocked_terminal_does_not_hold_up_the_loop(tmp_path: Path) -> None:
     process = subprocess.Popen(command, stdout=writing, stderr=subprocess.DEVNULL, cwd=ROOT)
     try:
         autopilot.start()
-        time.sleep(4.0)
+        until_s = time.monotonic() + 30.0
+        while not autopilot.setpoints() and time.monotonic() < until_s:
+            time.sleep(0.1)
         before = len(autopilot.setpoints())
         time.sleep(1.0)
         assert len(autopilot.setpoints()) - before > 60

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
+from running_plant import PATIENT
 
 from companion.record.reader import read_flight
 
@@ -24,6 +25,7 @@ SHORT = [
     "--uncertified",  # the certificate of the shipped config is for its own tick rate
     "--set", "tick.rate_hz=125", "--set", "tick.floor_hz=100", "--set", "mission.duration_s=4",
     "--set", "mission.waypoints=[{at_s: 1, offset_ned_m: [0.2, 0, 0]}]",
+    *PATIENT,
 ]  # fmt: skip
 OFFBOARD, HOLD = 6 << 16, 4 << 16 | 3 << 24
 ENDLESS = ["--set", "mission.duration_s=600"]

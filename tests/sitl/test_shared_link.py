@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from running_plant import PATIENT
 
 from companion.record.reader import read_flight
 from sitl.log_download import synthetic_log
@@ -22,7 +23,7 @@ from sitl.log_download import synthetic_log
 ROOT = Path(__file__).resolve().parents[2]
 QUADROTOR = ROOT / "config" / "paper_quadrotor.yaml"
 QUICK = "{COM_SPOOLUP_TIME: 0.2, MPC_TKO_RAMP_T: 0.5, NAV_MC_ALT_RAD: 0.3, COM_RC_OVERRIDE: 3, MC_ROLL_P: 6.5}"
-SLOW = ("--set", "tick.rate_hz=250", "--set", "tick.floor_hz=100", "--set", "mission.duration_s=600")
+SLOW = ("--set", "tick.rate_hz=250", "--set", "tick.floor_hz=100", "--set", "mission.duration_s=600", *PATIENT)
 
 
 def started(*arguments: object) -> subprocess.Popen[str]:
@@ -102,6 +103,7 @@ def test_tools_ask_the_vehicle_while_it_is_flown(tmp_path: Path, monkeypatch: py
             assert any("UNCERTIFIED FLIGHT" in line and "MC_ROLL_P is 6.5, was 4" in line for line in said)
             asked_s = time.time()
             vehicle = companion("vehicle", QUADROTOR, "--link", url, "--json", *stated)
+            assert vehicle.stdout, vehicle.stderr
             answer = json.loads(vehicle.stdout)
             assert answer["parameters"]["MC_ROLL_P"] == 6.5
             assert [row["name"] for row in answer["settings"] if row["verdict"] != "fine"] == ["MC_ROLL_P"]

@@ -13,7 +13,8 @@ from companion.record.reader import read_flight
 
 FENCED = (
     "--set", "steering.enabled=true", "--set", "steering.system_ids=[255]",
-    "--set", "guards.fence.enabled=true", "--set", "guards.fence.radius_m=2",
+    "--set", "guards.fence={enabled: true, radius_m: 2, lower_ned_m: [-2, -2, -2], upper_ned_m: [2, 2, 2]}",
+    "--set", "controller.anchor=setpoint", "--set", "controller.limits.speed_m_s=0.5",
     "--set", "guards.attitude_response_deg.enabled=false",  # the scripted vehicle does not move
 )  # fmt: skip
 POSITION_ALONE = 0xDF8
