@@ -39,7 +39,7 @@ CONFIG = ROOT / "config" / "px4_quadrotor.yaml"
 ODOMETRY, HEARTBEAT, CURRENT_MODE = Layout("ODOMETRY"), Layout("HEARTBEAT"), Layout("CURRENT_MODE")
 SETPOINT = Layout("SET_ATTITUDE_TARGET")
 HOW_IT_FLIES = ("tracking_error_m", "tilt_error_deg", "attitude_response_deg", "weights_on_bound", "thrust_saturation",
-                "envelope")  # fmt: skip
+                "envelope", "hover_thrust")  # fmt: skip
 SETTINGS = (
     "tick.rate_hz=25",
     "tick.floor_hz=20",

@@ -8,6 +8,7 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -89,8 +90,7 @@ def test_what_the_vehicle_does_not_tell_is_refused_too(tmp_path: Path) -> None:
 
 def test_tools_ask_the_vehicle_while_it_is_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stale and uncertified it flies, loudly; mavsdk reads parameters and a log comes down; no tick is lost."""
-    runtime = tmp_path / "runtime"
-    runtime.mkdir(mode=0o700)
+    runtime = Path(tempfile.mkdtemp(dir="/tmp"))  # the path of a socket is at most 108 bytes long
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     (tmp_path / "card.ulg").write_bytes(synthetic_log(40_000, 3).data)
     stated = ("--set", "vehicle.parameters={MC_ROLL_P: 4}")

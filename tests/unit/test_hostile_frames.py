@@ -19,8 +19,9 @@ from companion.mavlink.px4 import Mode
 ROOT = Path(__file__).resolve().parents[2]
 QUADROTOR = ROOT / "config" / "paper_quadrotor.yaml"
 SETTINGS = (
-    "tick.rate_hz=100", "tick.floor_hz=50", "mission.duration_s=1000", "guards.fence.enabled=true",
-    "guards.fence.radius_m=5", "steering.enabled=true", "steering.system_ids=[255]",
+    "tick.rate_hz=100", "tick.floor_hz=50", "mission.duration_s=1000", "steering.enabled=true",
+    "steering.system_ids=[255]", "controller.anchor=setpoint", "controller.limits.speed_m_s=0.3",
+    "guards.fence={enabled: true, radius_m: 5, lower_ned_m: [-5, -5, -5], upper_ned_m: [5, 5, 5]}",
 )  # fmt: skip
 ODOMETRY = Layout("ODOMETRY")
 SETPOINT = Layout("SET_ATTITUDE_TARGET")

@@ -19,7 +19,9 @@ from companion.record.recorder import RECEIVED, SENT
 ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT / "config" / "antx_rig.yaml"
 STEERING = (
-    "steering.enabled=true", "steering.system_ids=[255]", "guards.fence.enabled=true", "guards.fence.radius_m=5",
+    "steering.enabled=true", "steering.system_ids=[255]", "controller.anchor=setpoint",
+    "controller.limits.speed_m_s=0.3",
+    "guards.fence={enabled: true, radius_m: 5, lower_ned_m: [-5, -5, -5], upper_ned_m: [5, 5, 5]}",
 )  # fmt: skip
 KEY = bytes(range(1, 33))
 OFFBOARD = 6 << 16
