@@ -47,8 +47,10 @@ _PRIORITY = 40
 _PERIOD_S = 0.5  # quiet and hostile take turns
 _TLOG_STAMP_BYTES = 8
 _SETTINGS = (
-    "tick.rate_hz=250", "tick.floor_hz=50", "mission.duration_s=100000", "guards.fence.enabled=true",
-    "guards.fence.radius_m=5", "steering.enabled=true", "steering.system_ids=[250]", "guards.pose_age_s.limit=2",
+    "tick.rate_hz=250", "tick.floor_hz=50", "mission.duration_s=100000", "steering.enabled=true",
+    "steering.system_ids=[250]", "controller.anchor=setpoint", "controller.limits.speed_m_s=0.3",
+    "guards.fence={enabled: true, radius_m: 5, lower_ned_m: [-5, -5, -5], upper_ned_m: [5, 5, 5]}",
+    "guards.pose_age_s.limit=2",
 )  # fmt: skip
 # The driver's vehicle obeys nobody, and on a busy machine it is late itself: neither is what is measured here.
 _GUARDS_OFF = (
