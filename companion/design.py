@@ -21,7 +21,7 @@ from companion.certify.problem import Problem
 from companion.certify.statement import Json
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.certification import certificate_path, problem
-from companion.config.edit import KeyPath, edited, key_paths
+from companion.config.edit import KeyPath, edited, flow, key_paths
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS, LogError
@@ -90,15 +90,15 @@ def _with_response(text: str, template: Config, identification: Identification, 
         more_s = arguments.link_delay + 0.5 * found.lateness_s
         values = dict(response(found)) if arguments.intervals else _rounded(found.chosen.named())
         values["delay_s"] = _plus(values.get("delay_s", 0.0), more_s)
-        changes["attitude", axis] = _flow({"pade_order": section.pade_order, **values})
+        changes["attitude", axis] = flow({"pade_order": section.pade_order, **values})
         notes["attitude", axis] = note(identification, found)
         plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
-            changes[plant] = _flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
+            changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
-    gains = _flow(identification.gains)
+    gains = flow(identification.gains)
     if ("vehicle", "parameters") in known and identification.gains:
         changes["vehicle", "parameters"] = gains
     text = edited(text, changes, notes)
@@ -158,13 +158,6 @@ def _rounded(values: dict[str, float]) -> dict[str, Any]:
 
 def _plus(delay: Any, more_s: float) -> Any:
     return [round(end + more_s, 6) for end in delay] if isinstance(delay, list) else round(delay + more_s, 6)
-
-
-def _flow(values: dict[str, Any]) -> str:
-    def plain(value: Any) -> str:
-        return f"[{', '.join(format(v, 'g') for v in value)}]" if isinstance(value, list) else f"{value:g}"
-
-    return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"
 
 
 def _write(path: Path, text: str) -> None:

@@ -13,16 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.flight.authority import State
 from companion.record.reader import Flight
+from sitl.metrics import in_control, tracking_error_m
 
 _COMMAND, _IDEAL, _HEDGED, _MEASURED = "0.55", "tab:blue", "tab:green", "tab:red"
 _STYLE: Any = {"font.size": 11, "axes.grid": True, "grid.alpha": 0.35, "legend.framealpha": 0.9, "figure.dpi": 140}
 TITLES = {"hedged": "Proposed (hedged MRAC)", "standard": "Standard MRAC"}
 
 
-def _in_control(flight: Flight) -> npt.NDArray[Any]:
-    ticks: npt.NDArray[Any] = flight.ticks[flight.ticks["state"] == State.ENGAGED]
+def _drawn(flight: Flight) -> npt.NDArray[Any]:
+    ticks = in_control(flight)
     return ticks[:: max(1, len(ticks) // 8000)]  # more points than pixels only make the file large
 
 
@@ -37,7 +37,7 @@ def _position(axes: Any, ticks: npt.NDArray[Any], axis: int, *, hedged: bool) ->
 
 def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path, *, with_velocity: bool) -> None:
     """One axis (0 is x, 1 is y) of one flight: position, velocity where asked, and the actuator against its command."""
-    ticks = _in_control(flight)
+    ticks = _drawn(flight)
     t = ticks["time_s"] - ticks["time_s"][0]
     hedged, letter = controller == "hedged", "xy"[axis]
     with plt.rc_context(_STYLE):
@@ -74,7 +74,7 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
         figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6))
         colours = {"hedged": _HEDGED, "standard": _MEASURED}
         for controller, flight in flights.items():
-            ticks = _in_control(flight)
+            ticks = _drawn(flight)
             t = ticks["time_s"] - ticks["time_s"][0]
             if controller == next(iter(flights)):
                 above.plot(t, ticks["command_m"][:, 0], color=_COMMAND, lw=1.2, ls="--", label="set-point")
@@ -96,13 +96,13 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
         plt.close(figure)
 
 
-def draw_free_flight(flights: dict[str, Flight], path: Path) -> None:
+def draw_free_flight(flights: dict[str, Flight], config: Config, path: Path) -> None:
     """North, east and altitude against the target, and the tracking error in space, of every controller."""
     with plt.rc_context(_STYLE):
         figure, panels = plt.subplots(4, 1, sharex=True, figsize=(9, 9))
         colours = {"hedged": _HEDGED, "standard": _MEASURED}
         for controller, flight in flights.items():
-            ticks = _in_control(flight)
+            ticks = _drawn(flight)
             t = ticks["time_s"] - ticks["time_s"][0]
             for place, (panel, sign) in enumerate(zip(panels[:3], (1.0, 1.0, -1.0), strict=True)):
                 if controller == next(iter(flights)):
@@ -113,10 +113,7 @@ def draw_free_flight(flights: dict[str, Flight], path: Path) -> None:
                     t, sign * ticks["position_ned_m"][:, place], color=colours[controller], lw=1.3,
                     label=TITLES[controller],
                 )  # fmt: skip
-            error = ticks["position_m"] - ticks["reference_position_m"]
-            distance = np.hypot(
-                np.hypot(error[:, 0], error[:, 1]), ticks["position_ned_m"][:, 2] - ticks["reference_z_m"]
-            )
+            distance = tracking_error_m(config, ticks)
             label = f"{TITLES[controller]}: RMS {1e3 * np.sqrt(np.mean(distance**2)):.0f} mm"
             panels[3].plot(t, 1e3 * distance, color=colours[controller], lw=1.3, label=label)
         for panel, text in zip(
@@ -145,7 +142,7 @@ def draw_figures(config: Config, flights: dict[str, Flight], folder: Path) -> li
             paths.append(path)
     if flights and config.controller.anchor == "setpoint":  # its control frame moves: NED is what shows a flight
         path = folder / "free_flight.png"
-        draw_free_flight(flights, path)
+        draw_free_flight(flights, config, path)
         paths.append(path)
     elif len(flights) > 1:
         path = folder / "comparison.png"

@@ -37,6 +37,12 @@ def largest_step_m(config: Config) -> float:
     return max((math.dist(a, b) for a, b in pairwise(places)), default=0.0)
 
 
+def in_control(flight: Flight) -> np.ndarray:
+    """The ticks of a flight while it was in control."""
+    ticks: np.ndarray = flight.ticks[flight.ticks["state"] == State.ENGAGED]
+    return ticks
+
+
 def score(config: Config, flight: Flight) -> Metrics:
     """Metrics of one flight. Raises `ValueError` when it was never in control.
 
@@ -44,7 +50,7 @@ def score(config: Config, flight: Flight) -> Metrics:
     or the link keep it moving, or with an RMS above half the largest step of the command. Swings below 5 cm are not
     judged.
     """
-    ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
+    ticks = in_control(flight)
     if not len(ticks):
         raise ValueError("the controller was never in control")
     error = ticks["position_m"] - ticks["ideal_position_m"]
@@ -63,19 +69,18 @@ def score(config: Config, flight: Flight) -> Metrics:
         float(distance.max()),
         rms(distance),
         swing < _NOT_JUDGED_M or not swings_on,
-        rms(_tracking(config, ticks)),
+        rms(tracking_error_m(config, ticks)),
         _steady(ticks),
     )
 
 
-def _tracking(config: Config, ticks: np.ndarray) -> np.ndarray:
-    """Distance from the tracked reference, m, by tick."""
+def tracking_error_m(config: Config, ticks: np.ndarray) -> np.ndarray:
+    """Distance in space from the reference that the controller tracks, (n,) by tick; a rig has only its guide."""
     error = ticks["position_m"] - ticks["reference_position_m"]
     if config.vehicle.kind == "rig":
         return np.asarray(np.abs(error[:, 0]))
-    return np.asarray(
-        np.hypot(np.hypot(error[:, 0], error[:, 1]), ticks["position_ned_m"][:, 2] - ticks["reference_z_m"])
-    )
+    down = ticks["position_ned_m"][:, 2] - ticks["reference_z_m"]
+    return np.asarray(np.hypot(np.hypot(error[:, 0], error[:, 1]), down))
 
 
 def _steady(ticks: np.ndarray) -> float:

@@ -8,12 +8,14 @@ from typing import Final
 
 from sitl.scenario import Scenario
 from sitl.scenarios_authority import AUTHORITY
+from sitl.scenarios_companion import COMPANION
 from sitl.scenarios_estimator import ESTIMATOR
 from sitl.scenarios_flight import FLIGHT
 from sitl.scenarios_guards import GUARDS
 from sitl.scenarios_link import LINK
+from sitl.scenarios_px4 import PX4
 
-ALL: Final[tuple[Scenario, ...]] = (*FLIGHT, *ESTIMATOR, *GUARDS, *LINK, *AUTHORITY)
+ALL: Final[tuple[Scenario, ...]] = (*FLIGHT, *ESTIMATOR, *GUARDS, *LINK, *AUTHORITY, *PX4, *COMPANION)
 _BY_NAME: Final = {scenario.name: scenario for scenario in ALL}
 
 

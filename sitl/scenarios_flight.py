@@ -6,7 +6,8 @@ from typing import Final
 
 from companion.flight.authority import Reason
 from sitl.environment import Turbulence, Wind
-from sitl.faults import Blow, LoseMotor, Push, Sag
+from sitl.faults import Blow, Jump, LoseMotor, Push, Sag
+from sitl.modes import Mode
 from sitl.people import Steer
 from sitl.scenario import RIG, Scenario
 from sitl.wind import Gust
@@ -16,6 +17,8 @@ RATE: Final = "tick.rate_hz=125"
 STEP: Final = (RATE, "mission.duration_s=8", "mission.waypoints=[{at_s: 1, offset_ned_m: [0.8, 0.4, -0.4]}]")
 HOVER: Final = (RATE, "mission.duration_s=7", "mission.waypoints=[]")
 LONG_HOVER: Final = (RATE, "mission.duration_s=11", "mission.waypoints=[]")
+FAULT: Final = Jump((0.0, 0.0, -1.4))  # a release for a fault, at once
+BY_ITSELF: Final = (Mode.RTL,)  # where PX4's own failsafe goes
 
 _BREEZE: Final = Wind((5.0, 0.0, 0.0))
 _GUSTS: Final = Wind((3.0, 2.0, 0.0), Gust((3.0, 0.0, 0.5), 0.0, 0.8, 0.5, 4.0))

@@ -7,17 +7,15 @@ from typing import Final
 from companion.flight.authority import Reason
 from sitl.faults import Impair, Mute, Thin
 from sitl.impairments import Impairments
-from sitl.modes import Mode
 from sitl.people import Forge, Stall, Unplug
 from sitl.scenario import Scenario
-from sitl.scenarios_flight import DONE, HOVER, LONG_HOVER, STEP
+from sitl.scenarios_flight import BY_ITSELF, DONE, HOVER, LONG_HOVER, STEP
 
 _HEARTBEAT: Final = 0
 _TIMESYNC: Final = 111
 _ODOMETRY: Final = 331
 _CURRENT_MODE: Final = 436
 # PX4 without a stream: COM_OBL_RC_ACT is Position, there are no sticks, NAV_RCL_ACT is Return.
-_BY_ITSELF: Final = (Mode.RTL,)
 
 _BURSTS: Final = Impairments(burst_begins=0.01, burst_ends=0.2)
 _BAD: Final = Impairments(0.004, 0.004, 0.02, 0.002, 0.3, 0.02, 0.02, 0.01, 0.01)
@@ -94,7 +92,7 @@ LINK: Final = (
         ((2.0, Mute(for_s=3.0, upwards=True)),),
         overrides=HOVER,
         stays_within_m=3.0,
-        ends_in=_BY_ITSELF,
+        ends_in=BY_ITSELF,
         by_s=3.5,
         coast_s=4.0,
     ),
@@ -138,7 +136,7 @@ LINK: Final = (
         stays_within_m=1.0,
         by_s=1.0,
         coast_s=0.2,
-        ends_in=_BY_ITSELF,
+        ends_in=BY_ITSELF,
     ),
     Scenario(
         "frozen",
@@ -149,7 +147,7 @@ LINK: Final = (
         realtime=True,
         stays_within_m=3.0,
         coast_s=0.5,
-        ends_in=_BY_ITSELF,
+        ends_in=BY_ITSELF,
     ),
     Scenario(
         "heartbeat_lost",
@@ -219,7 +217,7 @@ LINK: Final = (
         ((2.0, Unplug()),),
         overrides=HOVER,
         stays_within_m=3.0,
-        ends_in=_BY_ITSELF,
+        ends_in=BY_ITSELF,
     ),
     Scenario(
         "no_vehicle",

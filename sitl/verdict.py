@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from companion.config import Config
-from companion.flight.authority import TAKEN, State
+from companion.flight.authority import TAKEN
 from companion.flight.runtime import Summary
 from companion.record.reader import Flight
+from sitl.metrics import in_control, tracking_error_m
 from sitl.modes import Mode
 from sitl.scenario import Scenario
 from sitl.witness import Account, Change
@@ -19,14 +18,8 @@ _ROUNDING = 1e-6  # thrust travels as float32
 
 def worst_error_m(config: Config, flight: Flight) -> float | None:
     """Largest distance of the measured position from the tracked reference while in control, height included."""
-    ticks = flight.ticks[flight.ticks["state"] == State.ENGAGED]
-    if not len(ticks):
-        return None
-    error = ticks["position_m"] - ticks["reference_position_m"]
-    if config.vehicle.kind == "rig":
-        return float(np.abs(error[:, 0]).max())
-    down = ticks["position_ned_m"][:, 2] - ticks["reference_z_m"]
-    return float(np.sqrt(error[:, 0] ** 2 + error[:, 1] ** 2 + down**2).max())
+    ticks = in_control(flight)
+    return float(tracking_error_m(config, ticks).max()) if len(ticks) else None
 
 
 def problems(

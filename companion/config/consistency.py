@@ -30,15 +30,10 @@ def check_guards(guards: Guards, controller: ControllerSection, tick: TickSectio
 
 def check_fence(fence: FenceSection, mission: MissionSection) -> None:
     """Refuse a mission that leaves its own fence. Raises `ValueError`."""
-    if not fence.enabled:
-        return
-    lower = fence.lower_ned_m or (-math.inf,) * 3
-    upper = fence.upper_ned_m or (math.inf,) * 3
     for waypoint in mission.waypoints:
-        place = waypoint.offset_ned_m
-        beyond = fence.radius_m is not None and math.hypot(*place[:2]) > fence.radius_m
-        if beyond or any(not low <= at <= high for low, at, high in zip(lower, place, upper, strict=True)):
-            raise ValueError(f"the waypoint at {waypoint.at_s:g} s, {list(place)}, lies outside guards.fence")
+        outside = fence.outside(waypoint.offset_ned_m)
+        if outside is not None:
+            raise ValueError(f"the waypoint at {waypoint.at_s:g} s lies outside guards.fence: {outside}")
 
 
 def check_steering(steering: SteeringSection, fence: FenceSection, controller: ControllerSection) -> None:

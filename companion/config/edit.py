@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import yaml
@@ -62,6 +62,15 @@ def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, st
     for start, end, new in sorted(edits, reverse=True):  # from the end: places before stay true
         text = text[:start] + new + text[end:]
     return text
+
+
+def flow(values: Mapping[str, float | Sequence[float]]) -> str:
+    """A mapping of numbers and lists of numbers as YAML in flow style, six figures each."""
+
+    def plain(value: float | Sequence[float]) -> str:
+        return f"[{', '.join(f'{end:g}' for end in value)}]" if isinstance(value, Sequence) else f"{value:g}"
+
+    return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"
 
 
 def key_paths(text: str) -> frozenset[KeyPath]:

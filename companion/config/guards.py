@@ -6,6 +6,7 @@ leaves out of a guard keeps its default.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -63,6 +64,21 @@ class FenceSection(Section):
         if any(low >= 0.0 for low in self.lower_ned_m or ()) or any(high <= 0.0 for high in self.upper_ned_m or ()):
             raise ValueError("lower_ned_m must be below and upper_ned_m above zero: control begins within the fence")
         return self
+
+    def outside(self, offset_ned_m: Vector) -> str | None:
+        """Why a place, relative to where control began, lies outside, in at most 32 characters; None inside, or off."""
+        if not self.enabled:
+            return None
+        distance = math.hypot(offset_ned_m[0], offset_ned_m[1])
+        if self.radius_m is not None and not distance <= self.radius_m:
+            return f"{distance:.3g} m away, fence {self.radius_m:.3g} m"
+        for axis, at in enumerate(offset_ned_m):
+            lower = -math.inf if self.lower_ned_m is None else self.lower_ned_m[axis]
+            upper = math.inf if self.upper_ned_m is None else self.upper_ned_m[axis]
+            if not lower <= at <= upper:
+                limit = lower if at < lower else upper
+                return f"{at:.3g} m {('north', 'east', 'down')[axis]}, fence {limit:.3g} m"
+        return None
 
 
 class EnvelopeGuardSection(Section):

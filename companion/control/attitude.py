@@ -8,22 +8,15 @@ from __future__ import annotations
 
 import math
 
-from companion.control.types import AttitudeSetpoint
-
-
-def extract(force_x: float, force_y: float, force_z: float, yaw_rad: float) -> AttitudeSetpoint:
-    """Attitude of (6) for a force and a heading; `thrust` is the force's magnitude, 1 at hover (not yet normalised).
-
-    The force must not vanish nor lie along the heading: the caller limits tilt well below 90 degrees.
-    """
-    qw, qx, qy, qz, magnitude = orient(force_x, force_y, force_z, math.cos(yaw_rad), math.sin(yaw_rad))
-    return AttitudeSetpoint(qw, qx, qy, qz, magnitude)
-
 
 def orient(
     force_x: float, force_y: float, force_z: float, hx: float, hy: float
 ) -> tuple[float, float, float, float, float]:
-    """The same for a heading given as its cosine and sine, as plain numbers."""
+    """Attitude of (6) for a force, and the force's magnitude, 1 at hover; the heading by its cosine and sine.
+
+    Plain numbers, quaternion first: the tick makes a set-point of them. The force must not vanish nor lie along the
+    heading: the caller limits tilt well below 90 degrees.
+    """
     magnitude = math.sqrt(force_x * force_x + force_y * force_y + force_z * force_z)
     zx, zy, zz = -force_x / magnitude, -force_y / magnitude, -force_z / magnitude
     yx, yy, yz = -zz * hy, zz * hx, zx * hy - zy * hx  # b3 x heading

@@ -14,8 +14,6 @@ from companion.mavlink.codec import Frame
 from companion.mavlink.px4 import Mode, mode_name
 
 _CURRENT_MODE_S: Final = 2.0  # a vehicle that has not told by CURRENT_MODE what is intended by then does not know it
-
-
 _RESETS_LIMIT: Final = 2.0  # of guards.estimator_jump_m, for all resets within a minute
 
 
@@ -49,22 +47,21 @@ class Changes:
         flight = self._flight
         jump = estimator.jump(last, sample)
         length_m, limit_m = estimator.length_m(jump), flight.limits.estimator_jump_m
-        if length_m > limit_m:
-            flight.refuse(Reason.ESTIMATOR_JUMP, f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m")
-            self.decide()
-            return
         total_m = self._resets.add(sample.time_s, length_m)
-        if total_m > _RESETS_LIMIT * limit_m:
-            flight.refuse(
-                Reason.ESTIMATOR_JUMP,
+        if length_m > limit_m:
+            too_much = f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m"
+        elif total_m > _RESETS_LIMIT * limit_m:
+            too_much = (
                 f"the estimator's resets within {estimator.RESETS_S:g} s add up to {total_m:.2f} m, "
-                f"more than {_RESETS_LIMIT * limit_m:g} m",
+                f"more than {_RESETS_LIMIT * limit_m:g} m"
             )
-            self.decide()
+        else:
+            flight.pilot.reseat(jump)
+            flight.watch.reseat(jump)
+            flight.event("reseated", f"the estimator reset, {length_m:.2f} m")
             return
-        flight.pilot.reseat(jump)
-        flight.watch.reseat(jump)
-        flight.event("reseated", f"the estimator reset, {length_m:.2f} m")
+        flight.refuse(Reason.ESTIMATOR_JUMP, too_much)
+        self.decide()
 
     def restart(self) -> None:
         """From here on the clock is another one."""
@@ -159,10 +156,9 @@ class Changes:
         warning = self._warning or flight.preflight.stale
         if warning is not None:
             flight.tell(f"companion: UNCERTIFIED: {warning}")
-        for line in (
-            *flight.preflight.remarks(),
-            *(f"guard cannot see: {name}" for name in flight.watch.blind().values()),
-        ):
+        blind = flight.watch.blind()
+        flight.watch.told_blind = set(blind)
+        for line in (*flight.preflight.remarks(), *(f"guard cannot see: {name}" for name in blind.values())):
             flight.event("remark", line)
             flight.say(line)
 

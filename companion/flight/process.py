@@ -206,8 +206,6 @@ class FlightProcess:
                 return
             flight.preflight.restart()
             flight.delay.restart()
-            self._watch.begin(sample)
-            self._fresh_until_s = -math.inf
             dt = 0.0
         elif dt <= 0.0 and last is not None:
             return  # a copy, or out of order: the newer one has been flown
@@ -230,9 +228,8 @@ class FlightProcess:
                 flight.preflight.take(sample.time_s)
             if (flight.state is _STANDBY and not flight.aloof) or (self._lockstep and flight.state is not _RELEASED):
                 self._stand_by(sample, dt)
-        if (
-            last is None or sample[1] != last[1] or not self._repeats(last, sample)
-        ):  # the age of the pose: looked at before the next sample
+        # The age of the pose, which is looked at before the next sample: an estimate that has stopped grows old.
+        if last is None or sample[1] != last[1] or not self._repeats(last, sample):
             flight.pose_at_s = flight.now_s
 
     def _repeats(self, last: Odometry, sample: Odometry) -> bool:

@@ -1,6 +1,6 @@
 """What a guard looks at may stop coming, and a last value that stays would look healthy for ever.
 
-Each source has an age at which what it told is forgotten. A guard that could see and cannot any more says so once;
+Each source has an age at which what it told is forgotten. A guard that could see and cannot any more says so;
 where it is the estimator that no longer answers for itself, control ends.
 """
 
@@ -30,8 +30,6 @@ class Sight:
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._status_at_s = self._variance_at_s = -math.inf
-        self._could_see: set[Reason] = set()
-        self._told: set[Reason] = set()
 
     def take(self, frame: Frame) -> None:
         """An ESTIMATOR_STATUS."""
@@ -45,6 +43,7 @@ class Sight:
             flight.watch.missing_flags = math.nan
         flight.delay.forget(now_s - TIMESYNC_S)
         if flight.state not in (State.STANDBY, State.ENGAGED):
+            self._variance_at_s = now_s
             return
         blind = flight.watch.blind()
         if Reason.POSITION_VARIANCE not in blind:
@@ -53,13 +52,13 @@ class Sight:
             del blind[Reason.POSITION_VARIANCE]  # not for long enough
         for reason in _CAN_GO_BLIND:
             if reason not in blind:
-                self._could_see.add(reason)
-            elif reason in self._could_see and reason not in self._told:
+                flight.watch.told_blind.discard(reason)
+            elif reason not in flight.watch.told_blind:
                 self._gone_blind(reason, blind[reason])
 
     def _gone_blind(self, reason: Reason, what: str) -> None:
         flight = self._flight
-        self._told.add(reason)
+        flight.watch.told_blind.add(reason)
         flight.event("blind", f"guard cannot see: {what}")
         flight.say(f"guard cannot see: {what}")
         flight.tell(f"companion: guard cannot see: {what}")

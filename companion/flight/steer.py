@@ -28,10 +28,10 @@ _YAW: Final = SET_POSITION_TARGET.index("yaw")
 _IGNORE_POSITION: Final = 0x007
 _IGNORE_VELOCITY: Final = 0x038
 _IGNORE_ACCELERATION: Final = 0x1C0
-_FORCE: Final = 0x200  # says what acceleration means, which is ignored
 _IGNORE_YAW: Final = 0x400
 _IGNORE_YAW_RATE: Final = 0x800
-_KNOWN: Final = 0xFFF  # above it some autopilots have bits for take-off, landing and the like
+# 0x200 among them says what acceleration means, which is ignored. Above, some have bits for take-off and landing.
+_KNOWN: Final = 0xFFF
 
 
 def addressed_to(frame: Frame, own: tuple[int, int]) -> bool:
@@ -67,19 +67,7 @@ def parse(frame: Frame, own: tuple[int, int]) -> Command | str:
 
 def outside(command: Command, fence: FenceSection, origin: Command) -> str | None:
     """Why a command lies outside the fence around `origin`, where control began, in at most 32 characters; or None."""
-    if not fence.enabled:
-        return None
-    offset = (command.x_m - origin.x_m, command.y_m - origin.y_m, command.z_m - origin.z_m)
-    distance = math.hypot(offset[0], offset[1])
-    if fence.radius_m is not None and not distance <= fence.radius_m:
-        return f"{distance:.3g} m away, fence {fence.radius_m:.3g} m"
-    for axis, at in enumerate(offset):
-        lower = -math.inf if fence.lower_ned_m is None else fence.lower_ned_m[axis]
-        upper = math.inf if fence.upper_ned_m is None else fence.upper_ned_m[axis]
-        if not lower <= at <= upper:
-            limit = lower if at < lower else upper
-            return f"{at:.3g} m {('north', 'east', 'down')[axis]}, fence {limit:.3g} m"
-    return None
+    return fence.outside((command.x_m - origin.x_m, command.y_m - origin.y_m, command.z_m - origin.z_m))
 
 
 class Refusals:

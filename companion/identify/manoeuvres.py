@@ -60,12 +60,6 @@ class Manoeuvre(NamedTuple):
     time_s: Floats
     measured_rad: Floats
 
-    @property
-    def amplitude_rad(self) -> float:
-        """Largest set-point, from the middle of its range."""
-        inside = self.setpoint_rad[self.setpoint_time_s >= self.start_s]
-        return float(np.ptp(inside)) / 2.0 if len(inside) else 0.0
-
 
 def find(recording: Recording) -> dict[str, list[Manoeuvre]]:
     """The manoeuvres of a log by axis, in the order flown; none for an axis that rested.

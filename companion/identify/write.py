@@ -12,7 +12,7 @@ from typing import Any, Final
 import yaml
 
 from companion.config import ConfigError, load_config
-from companion.config.edit import KeyPath, edited
+from companion.config.edit import KeyPath, edited, flow
 from companion.identify.identification import AxisIdentification, Identification
 
 CONFIG_AXES: Final = {"x": "pitch", "y": "roll"}  # control frame to attitude
@@ -73,7 +73,7 @@ def write(path: Path, identification: Identification) -> None:
         said: dict[KeyPath, str] = {
             ("attitude", key): note(identification, identification.axes[CONFIG_AXES[key]]) for key in wanted
         }
-        text = edited(text, {("attitude", key): _flow(values) for key, values in wanted.items()}, said)
+        text = edited(text, {("attitude", key): flow(values) for key, values in wanted.items()}, said)
         same = yaml.safe_load(text) == {**before, "attitude": {**before["attitude"], **wanted}}
     except (KeyError, yaml.YAMLError):
         same = False
@@ -100,10 +100,3 @@ def _replace(path: Path, target: Path, text: str) -> None:
     finally:
         with contextlib.suppress(OSError):
             new.unlink(missing_ok=True)
-
-
-def _flow(values: dict[str, Any]) -> str:
-    def plain(value: Any) -> str:
-        return f"[{', '.join(format(end, 'g') for end in value)}]" if isinstance(value, list) else f"{value}"
-
-    return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"

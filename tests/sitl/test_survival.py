@@ -8,27 +8,24 @@ import subprocess
 import sys
 import tempfile
 import time
-import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from test_process import flown, odometry, until
-from test_run import (
-    CABLE,
+from scripted_autopilot import flown, odometry, until
+from two_processes import (
     ENDLESS,
     HOLD,
     RIG,
     ROOT,
     SHORT,
-    GroundStation,
+    Cable,
     check_flight,
     companion,
     engaged,
+    flying_over,
     folder_of,
-    free_port,
-    plant,
     served,
     tlog,
     wait_for,
@@ -38,55 +35,6 @@ from companion.record.reader import read_flight
 
 OFFBOARD_LOSS_S = (0.9, 2.5)  # COM_OF_LOSS_T is a second
 GO_ON_S = 2.0
-
-
-class Cable:
-    """Two pseudo-terminals back to back: the plant has one end, `link` is the other."""
-
-    def __enter__(self) -> "Cable":
-        self._near, self._near_device = os.openpty()
-        self._far, self._far_device = os.openpty()
-        for fd in (self._near, self._far):
-            tty.setraw(fd)
-        self.plant = f"serial://{os.ttyname(self._near_device)}:921600"
-        self.link = f"serial://{os.ttyname(self._far_device)}:921600"
-        masters = (self._near, self._far)
-        self._carrier = subprocess.Popen([sys.executable, "-c", CABLE, *map(str, masters)], pass_fds=masters)
-        return self
-
-    def unplug(self) -> None:
-        """At the companion's end."""
-        self._carrier.kill()
-        self._carrier.wait()
-        os.close(self._far)
-        self._far = -1
-
-    def __exit__(self, *_: object) -> None:
-        self._carrier.kill()
-        self._carrier.wait()
-        for fd in (self._near, self._near_device, self._far, self._far_device):
-            if fd >= 0:
-                os.close(fd)
-
-
-@contextmanager
-def flying_over(cable: Cable, out: Path) -> Iterator[tuple["subprocess.Popen[str]", GroundStation, Path]]:
-    """A flight in control over a cable, and a ground station beside it."""
-    station_port = free_port()
-    with plant("--link", cable.plant, "--gcs-port", station_port) as process:
-        wait_for(process, "plant ready")
-        run = companion("run", RIG, "--link", cable.link, "--engage", "--out", out, *SHORT, *ENDLESS)
-        try:
-            folder = folder_of(wait_for(run, "log "))
-            wait_for(run, "engaged")
-            station = GroundStation(station_port)
-            try:
-                yield run, station, folder
-            finally:
-                station.link.close()
-        finally:
-            run.kill()
-            run.communicate()
 
 
 # --- the process ------------------------------------------------------------------------------------------------------

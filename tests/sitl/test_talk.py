@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from test_process import Autopilot, flown, until
+from scripted_autopilot import Autopilot, flown, until
 
 from companion.record.reader import read_flight
 

@@ -30,6 +30,10 @@ angles = st.floats(-math.pi, math.pi)
 ALTITUDE = altitude.AltitudeParams(1.5, 4.0, 1.0, 0.2, 30.0, 3.0, 1.0, 9.81)
 
 
+def extract(force_x: float, force_y: float, force_z: float, yaw_rad: float) -> AttitudeSetpoint:
+    return AttitudeSetpoint(*attitude.orient(force_x, force_y, force_z, math.cos(yaw_rad), math.sin(yaw_rad)))
+
+
 def rotation(q: tuple[float, float, float, float]) -> np.ndarray:
     w, x, y, z = q
     return np.array(
@@ -81,7 +85,7 @@ def level(x: float = 0.0, y: float = 0.0, z: float = -1.0, yaw: float = 0.0) -> 
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(-2.0, -0.2), angles)
 def test_attitude_extraction_5_6(fx: float, fy: float, fz: float, yaw: float) -> None:
-    sp = attitude.extract(fx, fy, fz, yaw)
+    sp = extract(fx, fy, fz, yaw)
     r = rotation((sp.qw, sp.qx, sp.qy, sp.qz))
     np.testing.assert_allclose(-sp.thrust * r[:, 2], [fx, fy, fz], atol=1e-9)  # (5): f_d = T R i3, z down
     assert math.hypot(sp.qw, sp.qx, sp.qy, sp.qz) == pytest.approx(1.0)
@@ -92,10 +96,10 @@ def test_attitude_extraction_5_6(fx: float, fy: float, fz: float, yaw: float) ->
 
 @given(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), angles)
 def test_thrust_direction_and_yaw_undo_extraction(fx: float, fy: float, yaw: float) -> None:
-    sp = attitude.extract(fx, fy, -1.0, yaw)
+    sp = extract(fx, fy, -1.0, yaw)
     direction = attitude.thrust_direction(sp.qw, sp.qx, sp.qy, sp.qz)
     assert np.array(direction) * sp.thrust == pytest.approx([fx, fy, -1.0], abs=1e-9)
-    flat = attitude.extract(0.0, 0.0, -1.0, yaw)
+    flat = extract(0.0, 0.0, -1.0, yaw)
     turn = attitude.yaw(flat.qw, flat.qx, flat.qy, flat.qz) - yaw
     assert math.atan2(math.sin(turn), math.cos(turn)) == pytest.approx(0.0, abs=1e-9)
 
@@ -218,7 +222,7 @@ def calm(*, at_setpoint: bool = True) -> position.PositionParams:
 @given(angles, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-2, 2), st.floats(-2, 2))
 def test_start_is_bumpless_leaning_and_moving(yaw: float, fx: float, fy: float, vx: float, vy: float) -> None:
     """In wind or in a manoeuvre: the first set-point is the attitude as it is; a second later it is the law's."""
-    lean = attitude.extract(fx, fy, -1.0, yaw)
+    lean = extract(fx, fy, -1.0, yaw)
     unit = 1.0 / lean.thrust
     here = Odometry(0.0, 3.0, 4.0, -5.0, vx, vy, 0.0, lean.qw, lean.qx, lean.qy, lean.qz)
     state = engage(here, yaw, (0.5, 0.3), (0.5, 0.3))
@@ -253,7 +257,7 @@ def test_reseat_makes_no_attitude_step_at_any_jump(
     def sample(k: int, jumped: Jump) -> Odometry:
         heading = yaw + jumped.yaw_rad
         c, s = math.cos(heading), math.sin(heading)
-        q = attitude.extract(c * tilt[0] - s * tilt[1], s * tilt[0] + c * tilt[1], -1.0, heading)
+        q = extract(c * tilt[0] - s * tilt[1], s * tilt[0] + c * tilt[1], -1.0, heading)
         p = at + 0.004 * k * velocity + jumped[:3]
         return Odometry(0.004 * k, *p, *(velocity + jumped[3:6]), *attitude_of(q))
 
