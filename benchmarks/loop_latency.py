@@ -1,10 +1,11 @@
-"""Telemetry datagram in to set-point datagram out, of the whole process as a user runs it, beside three echoes.
+"""Telemetry datagram in to set-point datagram out, of the whole process as a user runs it, beside four echoes.
 
     python benchmarks/loop_latency.py [--config FILE] [--seconds N] [--json]
 
 `companion run` decodes, controls, checks, records to disk and encodes; the echoes only decode and encode (the C one not
 even that). Each candidate runs alone; all are run in turn, in several rounds, so that the machine's noise hits all
 alike. The time is from before the driver's send to after its receive, which adds the same wake-up to every candidate.
+CPU, too, is worth its ratio only: the `struct` echo is the least that Python takes on the machine at hand.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from rich.table import Table
 from companion.mavlink.px4 import Mode
 
 HERE = Path(__file__).resolve().parent
-FLOOR, RIVAL, OURS = "C echo", "mavsdk callback", "companion run"
+FLOOR, LEAST, RIVAL, OURS = "C echo", "Python struct", "mavsdk callback", "companion run"
 _READY_S = 20.0
 _WARM_UP_S = 0.5
 _SETTINGS = ("tick.rate_hz=250", "tick.floor_hz=50", "mission.duration_s=100000")  # a mission that outlasts the run
@@ -61,14 +62,21 @@ class Result:
     def median_us(self) -> float:
         return statistics.median(self.latencies_us)
 
-    def row(self, floor: Result | None, rival: Result | None) -> dict[str, Any]:
+    @property
+    def cpu_percent(self) -> float:
+        """Of one core, with the processes it started."""
+        return 100.0 * self.tree_s / self.wall_s
+
+    def row(self, floor: Result | None, least: Result | None, rival: Result | None) -> dict[str, Any]:
         return {
             "median_us": round(self.median_us, 1),
             "p99_us": round(statistics.quantiles(self.latencies_us, n=100)[98], 1),
-            "cpu_percent": round(100.0 * self.tree_s / self.wall_s, 2),
+            "cpu_percent": round(self.cpu_percent, 2),
             "cpu_percent_without_children": round(100.0 * self.own_s / self.wall_s, 2),
             "ratio_to_c_echo": None if floor is None else round(self.median_us / floor.median_us, 2),
             "ratio_to_mavsdk": None if rival is None else round(self.median_us / rival.median_us, 2),
+            "cpu_ratio_to_struct": None if least is None else round(self.cpu_percent / least.cpu_percent, 2),
+            "cpu_ratio_to_mavsdk": None if rival is None else round(self.cpu_percent / rival.cpu_percent, 2),
             "samples": len(self.latencies_us),
             "lost": self.lost,
             "round_medians_us": [round(median, 1) for median in self.round_medians_us],
@@ -96,6 +104,7 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
     return [
         *found,
         Kind(OURS, (sys.executable, *run, *settings), "engaged", BY_TIME),
+        Kind(LEAST, (sys.executable, str(HERE / "echo_struct.py"), "{port}"), "ready", BY_THRUST),
         Kind("pymavlink mavutil", (sys.executable, str(HERE / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
         Kind(RIVAL, (sys.executable, str(HERE / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
     ]
@@ -161,10 +170,10 @@ def quiet_memory() -> Iterator[None]:
 
 def table(rows: dict[float, dict[str, dict[str, Any]]], others_percent: float) -> Table:
     shown = Table(title="Telemetry in to set-point out, µs")
-    columns = ("candidate", "Hz", "median", "p99", "CPU %", "alone", "÷ C", "÷ mavsdk")
+    columns = ("candidate", "Hz", "median", "p99", "÷ C", "÷ mavsdk", "CPU %", "÷ struct")
     for column in columns:
         shown.add_column(column, justify="left" if column == "candidate" else "right", no_wrap=True)
-    keys = ("cpu_percent", "cpu_percent_without_children", "ratio_to_c_echo", "ratio_to_mavsdk")
+    keys = ("ratio_to_c_echo", "ratio_to_mavsdk", "cpu_percent", "cpu_ratio_to_struct")
     for rate_hz, candidates in rows.items():
         for name, row in candidates.items():
             cells = ("-" if row[key] is None else f"{row[key]:.2f}" for key in keys)
@@ -172,14 +181,14 @@ def table(rows: dict[float, dict[str, dict[str, Any]]], others_percent: float) -
             shown.add_row(name, f"{rate_hz:g}", *times, *cells)
         shown.add_section()
     shown.caption = (
-        "CPU: of one core, with the log writer; alone: without it. "
+        "CPU: of one core, with the log writer, and as a ratio. "
         f"Other work took {others_percent:.0f} % of the machine: it cools caches, and raises every figure."
     )
     return shown
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Latency of the control loop, beside three echoes.")
+    parser = argparse.ArgumentParser(description="Latency of the control loop, beside four echoes.")
     parser.add_argument("--config", type=Path, default=HERE.parent / "config" / "paper_quadrotor.yaml")
     parser.add_argument("--set", dest="overrides", metavar="KEY=VALUE", action="append", default=[])
     parser.add_argument("--rates", type=float, nargs="+", metavar="HZ", default=[250.0, 100.0])
@@ -210,7 +219,7 @@ def main() -> None:
         others_percent = others.percent()
     rows = {}
     for rate in arguments.rates:
-        reference = [results[name][rate] if name in results else None for name in (FLOOR, RIVAL)]
+        reference = [results[name][rate] if name in results else None for name in (FLOOR, LEAST, RIVAL)]
         rows[rate] = {name: by_rate[rate].row(*reference) for name, by_rate in results.items()}
     if arguments.json:
         by_rate = {f"{rate:g}": rows[rate] for rate in rows}
