@@ -118,6 +118,8 @@ def fly(kind: str, seconds: float, rounds: int, folder: Path) -> dict[str, Any]:
         try:
             ready.wait()
             results.update(_direct(kind, f"udpout://127.0.0.1:{port[0]}", seconds, rounds, folder))
+        except Exception as error:
+            results["failure"] = error
         finally:
             stop.set()
 
@@ -131,8 +133,8 @@ def fly(kind: str, seconds: float, rounds: int, folder: Path) -> dict[str, Any]:
         logs=[synthetic_log(4_000_000, 1)],
     )
     director.join()
-    if "stretches" not in results:
-        raise RuntimeError(f"{kind}: the flight failed")
+    if "failure" in results:
+        raise RuntimeError(f"{kind}: the flight failed") from results["failure"]
     return figures(results, stamps)
 
 

@@ -231,24 +231,44 @@ def _refine(vertices: Floats, order: Sequence[int], durations: Floats) -> _Patte
     """Maximise the growth rate over the durations of the phases."""
     matrices = vertices[list(order)]
 
-    def decay(logarithms: Floats) -> float:
+    def decay(logarithms: Floats) -> tuple[float, Floats]:
         lengths = np.exp(np.clip(logarithms, -20, 5))
-        return -_log_radius(matrices, lengths) / float(lengths.sum())
+        total = float(lengths.sum())
+        grown, slopes = _log_radius(matrices, lengths)
+        return -grown / total, lengths * (grown / total - slopes) / total
 
     start = np.log(durations)
+    growth = -decay(start)[0]
     if len(order) == 1:
-        return _Pattern(tuple(order), durations, -decay(start))
-    found = minimize(decay, start, method="BFGS", options={"gtol": 1e-7})
-    if not found.fun < decay(start):
-        return _Pattern(tuple(order), durations, -decay(start))
+        return _Pattern(tuple(order), durations, growth)
+    found = minimize(decay, start, jac=True, method="BFGS", options={"gtol": 1e-7})
+    if not -found.fun > growth:
+        return _Pattern(tuple(order), durations, growth)
     return _Pattern(tuple(order), np.exp(np.clip(found.x, -20, 5)), -float(found.fun))
 
 
-def _log_radius(matrices: Floats, durations: Floats) -> float:
-    monodromy = np.eye(matrices.shape[1])
-    for transition in exponentials(matrices, durations):
-        monodromy = transition @ monodromy
-    return math.log(max(float(np.abs(np.linalg.eigvals(monodromy)).max()), 1e-300))
+def _log_radius(matrices: Floats, durations: Floats) -> tuple[float, Floats]:
+    """Logarithm of the monodromy's spectral radius and its derivative by each duration, shape (k,).
+
+    With right and left eigenvectors x and l of the dominant eigenvalue mu, ``dmu = l^H dPhi x / l^H x``, and a phase
+    that lasts longer by dt puts ``A dt`` behind its exponential.
+    """
+    transitions = exponentials(matrices, durations)
+    n = matrices.shape[1]
+    reached = np.empty((len(matrices) + 1, n, n))
+    reached[0] = np.eye(n)
+    for k, transition in enumerate(transitions):
+        reached[k + 1] = transition @ reached[k]
+    values, right = np.linalg.eig(reached[-1])
+    dominant = int(np.argmax(np.abs(values)))
+    mu, x = values[dominant], right[:, dominant]
+    size = max(abs(complex(mu)), 1e-300)
+    left = np.linalg.pinv(right)[dominant]  # its product with x is one
+    slopes = np.empty(len(matrices))
+    for k in range(len(matrices) - 1, -1, -1):
+        slopes[k] = np.real(left @ matrices[k] @ (reached[k + 1] @ x) * np.conj(mu)) / size**2
+        left = left @ transitions[k]
+    return math.log(size), slopes
 
 
 def exponentials(matrices: Floats, durations: Floats) -> Floats:

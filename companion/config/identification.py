@@ -22,7 +22,7 @@ class IdentificationSection(Section):
     amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] = 8.0
     pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5  # several times 1/bandwidth, or the end of it is never seen
     pause_s: Positive = 4.0
-    repeats: Annotated[int, Field(ge=3, le=20)] = 4  # of each axis: the intervals come from how they differ
+    repeats: Annotated[int, Field(ge=3, le=20)] = 6  # of each axis: the intervals come from how they differ
 
     @property
     def excursion_m(self) -> float:

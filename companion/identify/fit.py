@@ -7,7 +7,8 @@
   (AIC, BIC) would take every model for better.
 - Intervals from the repetition: the fits that leave one manoeuvre out give a jackknife variance of the parameters
   (B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, SIAM 1982, eq. 3.2), Student's t with one degree
-  of freedom fewer than manoeuvres makes it a 95 % interval.
+  of freedom fewer than manoeuvres makes it an interval. A certificate is for the box of all intervals of an axis, so
+  they hold together: 95 % that all of its parameters are inside (Bonferroni).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class ModelFit(NamedTuple):
     prediction_rad
         Root mean square error on manoeuvres that were left out of the fit.
     interval_95
-        Lower and upper end of each parameter.
+        Lower and upper end of each parameter: 95 % that all of them are inside.
     """
 
     model: Model
@@ -166,13 +167,13 @@ def _without_each(model: Model, values: Floats, errors: Sequence[Floats], sensit
 
 
 def _half_widths(left_out: Floats, errors: Sequence[Floats], sensitivities: Sequence[Floats]) -> Floats:
-    """Half of each parameter's 95 % interval, shape (parameters,), from the fits that leave one manoeuvre out.
+    """Half of each parameter's share of the 95 % box, shape (parameters,), from the fits that leave one manoeuvre out.
 
     Never narrower than the residual's size alone allows: a few manoeuvres may agree by chance.
     """
-    n = len(left_out)
+    n, parameters = left_out.shape
     repeated = (n - 1) / n * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0)
-    variance = sum(float(e @ e) for e in errors) / max(sum(len(e) for e in errors) - left_out.shape[1] - n, 1)
+    variance = sum(float(e @ e) for e in errors) / max(sum(len(e) for e in errors) - parameters - n, 1)
     least = variance * np.diag(np.linalg.pinv(np.sum([s.T @ s for s in sensitivities], axis=0)))
-    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, n - 1))
+    quantile = float(student.ppf(1.0 - 0.5 * (1.0 - CONFIDENCE) / parameters, n - 1))
     return np.asarray(quantile * np.sqrt(np.maximum(repeated, least)))

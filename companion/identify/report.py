@@ -75,7 +75,7 @@ def show(identification: Identification, console: Console) -> None:
 
 
 def _table(name: str, axis: AxisIdentification) -> Table:
-    title = f"{name}, {len(axis.manoeuvres)} manoeuvres; 95 % interval below each value"
+    title = f"{name}, {len(axis.manoeuvres)} manoeuvres; below each value its interval (95 %, all together)"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)
     for heading in ("M, ωn rad/s", "ζ", "delay ms", "fit", "unseen °"):

@@ -58,7 +58,7 @@ def runs(offsets: list[Offset]) -> list[list[tuple[float, float]]]:
 @pytest.mark.parametrize("rate_hz", [100.0, 250.0])
 def test_a_doublet_ends_where_it_began_and_at_rest(section: IdentificationSection, rate_hz: float) -> None:
     manoeuvre = Manoeuvre(section, one_axis=False)
-    doublets = runs(flown(manoeuvre, 70.0, dt_s=1.0 / rate_hz))
+    doublets = runs(flown(manoeuvre, 100.0, dt_s=1.0 / rate_hz))
     assert len(doublets) == manoeuvre.doublets == manoeuvre.done == 2 * section.repeats
     assert manoeuvre.over
     for doublet in doublets:
