@@ -135,6 +135,22 @@ FLIGHT: Final = (
         overrides=HOVER,
         stays_within_m=1.0,
     ),
+    Scenario(
+        "too_windy_for_doublets",
+        "the wind is more than the tilt limit can hold against, so that no doublet can begin",
+        Reason.NOT_CALM,
+        ((0.5, Blow(Wind((6.5, 0.0, 0.0)))),),
+        overrides=(
+            RATE,
+            "mission={identification: {amplitude_deg: 5, pause_s: 2}}",
+            "controller.limits.tilt_deg=8",
+            *(f"guards.{name}.enabled=false" for name in ("envelope", "tracking_error_m", "weights_on_bound")),
+        ),
+        limit_s=30.0,
+        stays_within_m=40.0,
+        margin_m=10.0,
+        error_m=40.0,
+    ),
     # --- live commands
     Scenario(
         "steered",

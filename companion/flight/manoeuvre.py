@@ -37,6 +37,11 @@ class Manoeuvre:
         self.over = False
 
     @property
+    def gave_up(self) -> bool:
+        """Whether it is over before the last doublet."""
+        return self.over and self.done < len(self._axes)
+
+    @property
     def doublets(self) -> int:
         """How many there are to fly."""
         return len(self._axes)

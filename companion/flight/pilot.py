@@ -10,6 +10,7 @@ from companion.control import attitude, mrac, position
 from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
 from companion.flight.manoeuvre import Manoeuvre
 from companion.flight.mission import Mission
+from companion.flight.reasons import Reason
 from companion.flight.setup import hover_params, initial_weights, position_params
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
@@ -124,6 +125,12 @@ class Pilot:
         if self._manoeuvre is not None:
             return self._manoeuvre.over
         return self._mission.over(self.elapsed_s)
+
+    @property
+    def ending(self) -> Reason:
+        """What the mission's end is called."""
+        gave_up = self._manoeuvre is not None and self._manoeuvre.gave_up
+        return Reason.NOT_CALM if gave_up else Reason.MISSION_COMPLETE
 
     @property
     def tracking_error_m(self) -> float:

@@ -253,7 +253,7 @@ class FlightProcess:
                 self._stop_for(reason)
                 return
         if pilot.mission_over:
-            self._stop_for(Reason.MISSION_COMPLETE)
+            self._stop_for(pilot.ending)
 
     def _pass_time(self, sample_s: float) -> None:
         """In lockstep time is the samples', as far as it passes at all."""

@@ -16,6 +16,7 @@ class Reason(StrEnum):
     # it is over
     OPERATOR = "operator"
     MISSION_COMPLETE = "mission_complete"
+    NOT_CALM = "not_calm"
     # what we are told
     POSE_STALE = "pose_stale"
     POSE_INVALID = "pose_invalid"
@@ -59,6 +60,7 @@ MEANING: Final = {
     Reason.KILLED: "the vehicle was killed or its flight terminated",
     Reason.OPERATOR: "stopped by the operator",
     Reason.MISSION_COMPLETE: "the mission is over",
+    Reason.NOT_CALM: "the vehicle did not come to rest for the next doublet: fly in calm air, or with a longer pause_s",
     Reason.POSE_STALE: "no odometry, or only the same, within guards.pose_age_s: look at the link",
     Reason.POSE_INVALID: "the odometry was not finite numbers with a unit quaternion",
     Reason.POSE_RATE: "odometry came below guards.pose_rate_hz, what the certificate is for: look at the link",

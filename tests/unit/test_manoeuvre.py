@@ -98,6 +98,7 @@ def test_it_ends_by_itself_after_the_last_pause() -> None:
     assert (manoeuvre.done, manoeuvre.over) == (3, False)
     flown(manoeuvre, lasts_s + 0.1)  # from the same clock's beginning: nothing starts anew
     assert manoeuvre.over
+    assert not manoeuvre.gave_up
     assert manoeuvre.offset(1000.0, 0.0, 0.0) is None
 
 
@@ -134,6 +135,7 @@ def test_it_gives_up_when_the_vehicle_does_not_become_calm(flown_before: int) ->
     assert manoeuvre.done == flown_before
     manoeuvre.offset(gives_up_s + 0.1, 1.0, 0.0)
     assert manoeuvre.over
+    assert manoeuvre.gave_up
     assert manoeuvre.done < manoeuvre.doublets
     assert manoeuvre.offset(gives_up_s + 0.2, 0.0, 0.0) is None, "over is over"
 
