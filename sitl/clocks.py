@@ -176,7 +176,7 @@ class Clocks:
             if self._peer is not None and self._peer.ended:
                 return None  # it has given up before it asked for anything
             for wire in self._wires:
-                if wire.services.odometry_requested and wire.port.connected:
+                if wire.services.commands.odometry_requested and wire.port.connected:
                     for each in self._wires:
                         each.standing = False
                     return wire

@@ -1,4 +1,7 @@
-"""What the autopilot answers on one link: commands, parameters, missions, time (PX4: `mavlink_receiver.cpp`)."""
+"""What the autopilot answers on one link: parameters, missions, time; commands are `link_commands`.
+
+Source: PX4 `mavlink_receiver.cpp`.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +12,18 @@ from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Encoder, Frame, Layout, decode_cold
-from companion.mavlink.px4 import Result
 from sitl.autopilot import Autopilot
+from sitl.link_commands import ANY, Commands
 from sitl.log_download import LOG_DATA, LogDownload, LogFile
 from sitl.modes import Severity
 from sitl.parameters import HASH_NAME, WireParameter
-from sitl.requests import Command
-from sitl.streams import NEVER_US, Streams
+from sitl.streams import Streams
 from sitl.telemetry import Telemetry
 
 Reply = Callable[[Frame, Any], None]
 
 _SETPOINT: Final = Layout("SET_ATTITUDE_TARGET")
 _SETPOINT_ID: Final = _SETPOINT.message_id
-_ANY: Final = 0
-_LINK_COMMANDS: Final = frozenset({410, 510, 511, 512, 519, 520})
-_TO_ANY_COMPONENT: Final = frozenset({519, 520})
-_LEGACY_REQUESTS: Final = {
-    410: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
-    519: 300,  # PROTOCOL_VERSION: PX4 sends it, the dialect has dropped it, so it is denied here
-    520: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-}
 
 
 class Services:
@@ -39,7 +33,7 @@ class Services:
         address: system and component of this autopilot.
         replies: frames to be sent, in order; the owner of the link takes them.
         setpoint_ms: `time_boot_ms` of the last SET_ATTITUDE_TARGET that was for this autopilot.
-        odometry_requested: whether somebody asked for ODOMETRY by SET_MESSAGE_INTERVAL, and it runs.
+        commands: what is answered to commands.
         ground_station_seen: whether a ground station's heartbeat came by; only then PX4 sends STATUSTEXT.
         changed: parameters set on this link, for the other links to tell.
         ignored: frames that were not for this autopilot, or that nobody handles.
@@ -61,30 +55,30 @@ class Services:
         self._system = system_id
         self._component = component_id
         self.address = (system_id, component_id)
-        self._systems = (system_id, _ANY)
-        self._components = (component_id, _ANY)
+        self._systems = (system_id, ANY)
+        self._components = (component_id, ANY)
         self._unpack_setpoint = _SETPOINT.unpack
         self._on_attitude_target = autopilot.on_attitude_target
         self.logs = LogDownload([] if logs is None else logs)
         self._encode_log_data = Encoder(LOG_DATA, system_id, component_id).encode
         self.replies: list[bytes] = []
+        self.commands = Commands(self, autopilot, streams)
         self.changed: list[WireParameter] = []
         self.setpoint_ms = -1
-        self.odometry_requested = False
         self.ground_station_seen = False
         self.ignored = 0
         self._handlers: dict[int, Reply] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
             mavlink.MAVLINK_MSG_ID_PING: self._ping,
-            mavlink.MAVLINK_MSG_ID_SET_MODE: self._set_mode,
+            mavlink.MAVLINK_MSG_ID_SET_MODE: self.commands.take_set_mode,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._param_read,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._param_list,
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._param_set,
             mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: self._mission_list,
             mavlink.MAVLINK_MSG_ID_MISSION_COUNT: self._mission_count,
             mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: self._mission_clear,
-            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._command_int,
-            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
+            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self.commands.take_int,
+            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self.commands.take_long,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST: lambda _, message: self.logs.request_list(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA: lambda _, message: self.logs.request_data(message),
@@ -146,8 +140,9 @@ class Services:
 
     # --- services ---------------------------------------------------------------------------------------------------
 
-    def _for_us(self, message: Any) -> bool:
-        ours = message.target_system == self._system and message.target_component in (self._component, _ANY)
+    def for_us(self, message: Any) -> bool:
+        """Whether a message is for this autopilot; counted in `ignored` if not."""
+        ours = message.target_system == self._system and message.target_component in (self._component, ANY)
         self.ignored += not ours
         return ours
 
@@ -156,7 +151,7 @@ class Services:
             self.ground_station_seen = True
 
     def _ping(self, frame: Frame, message: Any) -> None:
-        if message.target_system == _ANY and message.target_component == _ANY:
+        if message.target_system == ANY and message.target_component == ANY:
             self.send(
                 mavlink.MAVLink_ping_message(
                     time_usec=message.time_usec,
@@ -171,21 +166,21 @@ class Services:
             self.replies.append(self._telemetry.timesync_reply(self._streams.take_sequence(), message.ts1))
 
     def _param_read(self, _: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             parameters = self._autopilot.parameters
             by_name = message.param_index < 0
             found = parameters.wire(message.param_id) if by_name else parameters.wire_at(message.param_index)
             self.send_parameter(found)
 
     def _param_list(self, _: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             parameters = self._autopilot.parameters
             self.send_parameter(parameters.wire(HASH_NAME))
             for name in parameters:
                 self.send_parameter(parameters.wire(name))
 
     def _param_set(self, frame: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             raw = frame.payload[:4].ljust(4, b"\0")
             stored = self._autopilot.parameters.set_wire(message.param_id, raw, message.param_type)
             if stored is not None:
@@ -193,7 +188,7 @@ class Services:
                 self.changed.append(stored)
 
     def _mission_list(self, frame: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             self.send(
                 mavlink.MAVLink_mission_count_message(
                     target_system=frame.system_id,
@@ -204,12 +199,12 @@ class Services:
             )
 
     def _mission_count(self, frame: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             kind = mavlink.MAV_MISSION_ACCEPTED if message.count == 0 else mavlink.MAV_MISSION_NO_SPACE
             self._mission_ack(frame, message, kind)
 
     def _mission_clear(self, frame: Frame, message: Any) -> None:
-        if self._for_us(message):
+        if self.for_us(message):
             self._mission_ack(frame, message, mavlink.MAV_MISSION_ACCEPTED)
 
     def _mission_ack(self, frame: Frame, message: Any, kind: int) -> None:
@@ -221,106 +216,3 @@ class Services:
                 mission_type=message.mission_type,
             )
         )
-
-    # --- commands ---------------------------------------------------------------------------------------------------
-
-    def _set_mode(self, frame: Frame, message: Any) -> None:
-        if message.target_system != self._system:
-            self.ignored += 1
-            return
-        main, sub = message.custom_mode >> 16 & 255, message.custom_mode >> 24 & 255
-        result = self._autopilot.set_mode(message.base_mode, main, sub)
-        self._acknowledge(frame, mavlink.MAV_CMD_DO_SET_MODE, result)
-
-    def _command_long(self, frame: Frame, message: Any) -> None:
-        self._command(
-            frame,
-            message,
-            Command(
-                message.command,
-                message.param1,
-                message.param2,
-                message.param3,
-                message.param4,
-                message.param5,
-                message.param6,
-                message.param7,
-            ),
-        )
-
-    def _command_int(self, frame: Frame, message: Any) -> None:
-        unset = message.x == 0x7FFFFFFF and message.y == 0x7FFFFFFF
-        self._command(
-            frame,
-            message,
-            Command(
-                message.command,
-                message.param1,
-                message.param2,
-                message.param3,
-                message.param4,
-                float("nan") if unset else 1e-7 * message.x,
-                float("nan") if unset else 1e-7 * message.y,
-                message.z,
-            ),
-        )
-
-    def _command(self, frame: Frame, message: Any, command: Command) -> None:
-        to_any = command.number in _TO_ANY_COMPONENT and message.target_system in (self._system, _ANY)
-        if not to_any and not self._for_us(message):
-            return
-        if command.number in _LINK_COMMANDS:
-            self._acknowledge(frame, command.number, self._link_command(command))
-            return
-        for result in self._autopilot.on_command(command):
-            self._acknowledge(frame, command.number, result)
-
-    def _link_command(self, command: Command) -> Result:
-        if command.number == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-            return self._set_message_interval(command)
-        if command.number == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
-            return self._tell_interval(command.p1)
-        if command.number == mavlink.MAV_CMD_REQUEST_MESSAGE:
-            if _number(command.p1) == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-                return self._tell_interval(command.p2)
-            return self._request(_number(command.p1))
-        return self._request(_LEGACY_REQUESTS[command.number])
-
-    def _set_message_interval(self, command: Command) -> Result:
-        if any(_number(p) not in (0, -1) for p in (command.p3, command.p4, command.p7)):
-            return Result.FAILED  # PX4 knows neither response targets nor the other parameters
-        message_id = _number(command.p1)
-        known = self._streams.set_interval(message_id, command.p2, self._autopilot.time_us)
-        if known and message_id == mavlink.MAVLINK_MSG_ID_ODOMETRY:
-            self.odometry_requested = self._streams.odometry_due_us < NEVER_US
-        return Result.ACCEPTED if known else Result.FAILED
-
-    def _tell_interval(self, message_id: float) -> Result:
-        number = _number(message_id)
-        interval = self._streams.interval_us(number)
-        self.send(mavlink.MAVLink_message_interval_message(message_id=max(number, 0) & 0xFFFF, interval_us=interval))
-        return Result.ACCEPTED
-
-    def _request(self, message_id: int) -> Result:
-        frame = self._streams.request(message_id)
-        if frame is None:
-            return Result.DENIED
-        self.replies.append(frame)
-        return Result.ACCEPTED
-
-    def _acknowledge(self, frame: Frame, command: int, result: Result) -> None:
-        self.send(
-            mavlink.MAVLink_command_ack_message(
-                command=command,
-                result=int(result),
-                progress=0,
-                result_param2=0,
-                target_system=frame.system_id,
-                target_component=frame.component_id,
-            )
-        )
-
-
-def _number(parameter: float) -> int:
-    """A command parameter that carries a whole number; -1 for one that carries none."""
-    return round(parameter) if -1e9 < parameter < 1e9 else -1
