@@ -11,6 +11,7 @@ from companion.config.base import Positive, Section
 from companion.control.types import GRAVITY_M_S2
 
 SMALLEST_DEG: Final = 2.0  # of an amplitude: below it `companion identify` sees no manoeuvre
+USUAL_DEG: Final = 8.0
 
 
 class IdentificationSection(Section):
@@ -19,20 +20,15 @@ class IdentificationSection(Section):
     A doublet is one pulse to one side, two to the other and one back: it ends where it began, at rest.
     """
 
-    amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] = 8.0
+    # left out: 8, or as much less as envelope and fence ask for
+    amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] | None = None
     pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5  # several times 1/bandwidth, or the end of it is never seen
     pause_s: Positive = 4.0
     repeats: Annotated[int, Field(ge=3, le=20)] = 6  # of each axis: the intervals come from how they differ
 
-    @property
-    def excursion_m(self) -> float:
-        """How far a doublet carries a vehicle without drag: `a T²` at the middle of it."""
-        return GRAVITY_M_S2 * math.tan(math.radians(self.amplitude_deg)) * self.pulse_s * self.pulse_s
-
-    @property
-    def speed_m_s(self) -> float:
-        """The largest speed of a doublet, after its first pulse."""
-        return self.excursion_m / self.pulse_s
+    def excursion_m(self, amplitude_deg: float) -> float:
+        """How far a doublet carries a vehicle without drag: `a T²` at the middle of it. `a T` is its largest speed."""
+        return GRAVITY_M_S2 * math.tan(math.radians(amplitude_deg)) * self.pulse_s * self.pulse_s
 
     def amplitude_for_deg(self, excursion_m: float) -> float:
         """The amplitude that stays within an excursion."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from companion.config.controller import AxisSection, ControllerSection
 from companion.config.guards import FenceSection
-from companion.config.identification import SMALLEST_DEG, IdentificationSection
+from companion.config.identification import SMALLEST_DEG, USUAL_DEG, IdentificationSection
 from companion.config.mission import MissionSection
 
 
@@ -49,8 +49,11 @@ def check_reach(controller: ControllerSection, mission: MissionSection) -> None:
             )
 
 
-def check_excursion(controller: ControllerSection, fence: FenceSection, flown: IdentificationSection) -> None:
-    """Refuse doublets that leave the envelope or reach half way to the fence. Raises `ValueError`."""
+def amplitude_deg(controller: ControllerSection, fence: FenceSection, flown: IdentificationSection) -> float:
+    """Of the doublets: the one asked for, or the usual one where it fits, or the largest that does.
+
+    Raises `ValueError` for doublets that leave the envelope or reach half way to the fence.
+    """
     room = controller.envelope.position_m
     what = f"controller.envelope.position_m ({room:g})"
     if fence.enabled:
@@ -59,24 +62,22 @@ def check_excursion(controller: ControllerSection, fence: FenceSection, flown: I
         if half < room:
             room, what = half, f"half of guards.fence ({half:g})"
     fastest = controller.envelope.velocity_m_s
-    if flown.excursion_m > room:
-        raise ValueError(
-            f"mission.identification: a doublet goes {flown.excursion_m:.2g} m to the side, beyond {what}: "
-            + _remedy(flown, room)
-        )
-    if flown.speed_m_s > fastest:
-        raise ValueError(
-            f"mission.identification: a doublet reaches {flown.speed_m_s:.2g} m/s, beyond "
-            f"controller.envelope.velocity_m_s ({fastest:g}): " + _remedy(flown, fastest * flown.pulse_s)
-        )
-
-
-def _remedy(flown: IdentificationSection, excursion_m: float) -> str:
-    """What stays within an excursion; rounded down, so that it does."""
-    amplitude = math.floor(10.0 * flown.amplitude_for_deg(excursion_m)) / 10.0
-    if amplitude < SMALLEST_DEG:
-        return "make pulse_s shorter"
-    return f"an amplitude_deg of {amplitude:g} would not, nor would a shorter pulse_s"
+    most_m = min(room, fastest * flown.pulse_s)
+    largest = math.floor(10.0 * flown.amplitude_for_deg(most_m)) / 10.0  # rounded down, so that it fits
+    asked = flown.amplitude_deg
+    if asked is None and largest >= SMALLEST_DEG:
+        return min(USUAL_DEG, largest)
+    amplitude = asked or USUAL_DEG
+    goes_m = flown.excursion_m(amplitude)
+    if goes_m <= most_m:
+        return amplitude
+    too_much = f"goes {goes_m:.2g} m to the side, beyond {what}"
+    if goes_m <= room:
+        too_much = f"reaches {goes_m / flown.pulse_s:.2g} m/s, beyond controller.envelope.velocity_m_s ({fastest:g})"
+    remedy = f"an amplitude_deg of {largest:g} would not, nor would a shorter pulse_s"
+    if largest < SMALLEST_DEG:
+        remedy = "make pulse_s shorter"
+    raise ValueError(f"mission.identification: a doublet {too_much}: {remedy}")
 
 
 def _lag_s(axis: AxisSection) -> float:

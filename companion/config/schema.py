@@ -14,7 +14,7 @@ from companion.config.guards import Guards, ReleaseSection, check_delay
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
-from companion.config.reach import check_excursion, check_reach
+from companion.config.reach import amplitude_deg, check_reach
 from companion.config.service import ServiceSection, SteeringSection
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
@@ -82,7 +82,7 @@ class Config(Section):
         check_steering(self.steering, self.guards.fence, self.controller)
         check_reach(self.controller, self.mission)
         if self.mission.identification is not None:
-            check_excursion(self.controller, self.guards.fence, self.mission.identification)
+            amplitude_deg(self.controller, self.guards.fence, self.mission.identification)
         check_delay(self.guards, self.attitude)
         if self.vehicle.kind == "rig" and (
             self.vehicle.hover_thrust_source == "estimated"

@@ -25,8 +25,8 @@ class Manoeuvre:
     Attributes: `over`, whether the last one and the pause after it have passed; `done`, doublets flown so far.
     """
 
-    def __init__(self, section: IdentificationSection, *, one_axis: bool) -> None:
-        self._amplitude_rad = math.radians(section.amplitude_deg)
+    def __init__(self, section: IdentificationSection, amplitude_deg: float, *, one_axis: bool) -> None:
+        self._amplitude_rad = math.radians(amplitude_deg)
         self._pulse_s = section.pulse_s
         self._pause_s = section.pause_s
         axes = (1,) if one_axis else (0, 1)  # a rig pitches

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, mrac, position
 from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
@@ -33,7 +34,10 @@ class Pilot:
         self._mission = Mission(config.mission)
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
-        self._manoeuvre = None if flown is None else Manoeuvre(flown, one_axis=config.vehicle.kind == "rig")
+        self._manoeuvre: Manoeuvre | None = None
+        if flown is not None:
+            amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
+            self._manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust

@@ -21,6 +21,7 @@ from sitl.quadrotor import euler
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 PX4, RIG = SHIPPED / "px4_quadrotor.yaml", SHIPPED / "antx_rig.yaml"
 IDENTIFY = "mission={identification: {}}"
+EIGHT = "mission={identification: {amplitude_deg: 8}}"
 DT_S = 0.004
 SECTION = IdentificationSection()
 SHORT = IdentificationSection(amplitude_deg=5.0, pulse_s=0.4, pause_s=1.0, repeats=3)
@@ -54,28 +55,28 @@ def runs(offsets: list[Offset]) -> list[list[tuple[float, float]]]:
 # -- the shape -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("section", [SECTION, SHORT, IdentificationSection(amplitude_deg=3.0, pulse_s=0.7)])
+@pytest.mark.parametrize("section", [SECTION, SHORT, IdentificationSection(pulse_s=0.7)])
 @pytest.mark.parametrize("rate_hz", [100.0, 250.0])
 def test_a_doublet_ends_where_it_began_and_at_rest(section: IdentificationSection, rate_hz: float) -> None:
-    manoeuvre = Manoeuvre(section, one_axis=False)
+    manoeuvre = Manoeuvre(section, 3.0, one_axis=False)
     doublets = runs(flown(manoeuvre, 100.0, dt_s=1.0 / rate_hz))
     assert len(doublets) == manoeuvre.doublets == manoeuvre.done == 2 * section.repeats
     assert manoeuvre.over
     for doublet in doublets:
         angles = np.array(doublet).sum(axis=1)  # the other one is zero
         assert len(angles) == pytest.approx(4 * section.pulse_s * rate_hz, abs=1)
-        assert set(np.abs(angles)) == {math.radians(section.amplitude_deg)}
+        assert set(np.abs(angles)) == {math.radians(3.0)}
         velocity = np.cumsum(9.81 * np.tan(angles)) / rate_hz
         places = np.cumsum(velocity) / rate_hz
         assert velocity[-1] == pytest.approx(0.0, abs=1e-9)
-        assert abs(places[-1]) < 0.02 * section.excursion_m
+        assert abs(places[-1]) < 0.02 * section.excursion_m(3.0)
         # the section says how far and how fast it goes
-        assert np.abs(places).max() == pytest.approx(section.excursion_m, rel=0.03)
-        assert np.abs(velocity).max() == pytest.approx(section.speed_m_s, rel=0.03)
+        assert np.abs(places).max() == pytest.approx(section.excursion_m(3.0), rel=0.03)
+        assert np.abs(velocity).max() == pytest.approx(section.excursion_m(3.0) / section.pulse_s, rel=0.03)
 
 
 def test_roll_comes_first_then_pitch_and_sides_alternate() -> None:
-    manoeuvre = Manoeuvre(SHORT, one_axis=False)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=False)
     doublets = runs(flown(manoeuvre, 40.0))
     firsts = [doublet[0] for doublet in doublets]
     a = math.radians(5.0)
@@ -85,14 +86,14 @@ def test_roll_comes_first_then_pitch_and_sides_alternate() -> None:
 
 
 def test_a_rig_pitches_only() -> None:
-    manoeuvre = Manoeuvre(SHORT, one_axis=True)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=True)
     doublets = runs(flown(manoeuvre, 40.0))
     assert len(doublets) == manoeuvre.doublets == 3
     assert all(roll == 0.0 and pitch != 0.0 for doublet in doublets for roll, pitch in doublet)
 
 
 def test_it_ends_by_itself_after_the_last_pause() -> None:
-    manoeuvre = Manoeuvre(SHORT, one_axis=True)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=True)
     lasts_s = 3 * (SHORT.pause_s + 4 * SHORT.pulse_s) + SHORT.pause_s
     flown(manoeuvre, lasts_s - 0.1)
     assert (manoeuvre.done, manoeuvre.over) == (3, False)
@@ -107,7 +108,7 @@ def test_it_ends_by_itself_after_the_last_pause() -> None:
 
 @pytest.mark.parametrize("restless", [(CALM_M + 0.01, 0.0), (0.0, CALM_M_S + 0.01)], ids=["far", "fast"])
 def test_a_doublet_waits_until_the_vehicle_is_calm(restless: tuple[float, float]) -> None:
-    manoeuvre = Manoeuvre(SHORT, one_axis=False)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=False)
     offsets = flown(manoeuvre, 12.0, lambda t: restless if t < 9.0 else (0.0, 0.0))
     first = next(k for k, offset in enumerate(offsets) if offset is not None)
     assert first * DT_S == pytest.approx(9.0, abs=2 * DT_S)
@@ -115,14 +116,14 @@ def test_a_doublet_waits_until_the_vehicle_is_calm(restless: tuple[float, float]
 
 def test_once_begun_a_doublet_is_flown_whatever_it_does() -> None:
     """It is what makes the vehicle fast and far."""
-    manoeuvre = Manoeuvre(SHORT, one_axis=False)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=False)
     (doublet,) = runs(flown(manoeuvre, 3.0, lambda t: (0.0, 0.0) if t <= 1.02 else (1.0, 1.0)))
     assert len(doublet) == pytest.approx(4 * SHORT.pulse_s / DT_S, abs=1)
 
 
 @pytest.mark.parametrize("flown_before", [0, 1])
 def test_it_gives_up_when_the_vehicle_does_not_become_calm(flown_before: int) -> None:
-    manoeuvre = Manoeuvre(SHORT, one_axis=False)
+    manoeuvre = Manoeuvre(SHORT, 5.0, one_axis=False)
     calm_until_s = 2.0 * flown_before
     begins_s = flown_before * (SHORT.pause_s + 4 * SHORT.pulse_s)
     gives_up_s = begins_s + SHORT.pause_s + PATIENCE_S
@@ -247,7 +248,15 @@ def amplitude_advised(line: str) -> str:
 def test_the_shipped_quadrotor_flies_the_default_doublets() -> None:
     flown_ = load_config(PX4, (IDENTIFY,)).mission.identification
     assert flown_ == SECTION
-    assert flown_.excursion_m == pytest.approx(0.345, abs=0.001)
+    assert flown_.excursion_m(8.0) == pytest.approx(0.345, abs=0.001)
+
+
+@pytest.mark.parametrize(("config", "amplitude"), [(PX4, 8.0), (RIG, 6.9)], ids=["quadrotor", "rig"])
+def test_an_amplitude_that_is_left_out_is_as_large_as_fits(config: Path, amplitude: float) -> None:
+    pilot = Pilot(load_config(config, (IDENTIFY,)), hedging=True)
+    pilot.take_over(sample(0.0))
+    tilts = [angles(pilot.step(sample(k * DT_S), DT_S if k else 0.0))[:2] for k in range(round(4.3 / DT_S))]
+    assert np.degrees(np.ptp(tilts, axis=0).max()) == pytest.approx(amplitude, abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -262,11 +271,11 @@ def test_the_shipped_quadrotor_flies_the_default_doublets() -> None:
             "0.39 m to the side, beyond half of guards.fence (0.25)",
         ),
         (
-            (IDENTIFY, "guards.fence={enabled: true, lower_ned_m: [-9, -0.6, -9], upper_ned_m: [9, 9, 1]}"),
+            (EIGHT, "guards.fence={enabled: true, lower_ned_m: [-9, -0.6, -9], upper_ned_m: [9, 9, 1]}"),
             "0.34 m to the side, beyond half of guards.fence (0.3)",
         ),
         (
-            (IDENTIFY, "controller.envelope.velocity_m_s=0.6", "controller.limits.speed_m_s=0.5"),
+            (EIGHT, "controller.envelope.velocity_m_s=0.6", "controller.limits.speed_m_s=0.5"),
             "reaches 0.69 m/s, beyond controller.envelope.velocity_m_s (0.6)",
         ),
     ],
