@@ -244,7 +244,7 @@ def _show(
             middle = axis.chosen.named()[key]
             if high > (1.0 + arguments.margin) * middle or low < middle / (1.0 + arguments.margin):
                 console.print(
-                    f"[yellow]{angle}: the 95 % interval of {key}, {low:.3g} to {high:.3g}, is wider than the margin: "
+                    f"[yellow]{angle}: the interval of {key}, {low:.3g} to {high:.3g}, is wider than the margin: "
                     "fly more manoeuvres, or certify all of it with --intervals.[/yellow]"
                 )
     console.print(f"next: companion sitl {arguments.out}")

@@ -101,7 +101,8 @@ def _report_identification(outcome: Outcome, arguments: argparse.Namespace, cons
     """Doublets are no stairs: there is no tracking to score, but a folder to go on with."""
     ended = outcome.summary.reason is Reason.MISSION_COMPLETE
     if arguments.json:
-        print(json.dumps({"config": str(arguments.config), "complete": ended, "flights": [str(outcome.folder)]}))
+        told = {"complete": ended, "reason": outcome.summary.reason.value, "flights": [str(outcome.folder)]}
+        print(json.dumps({"config": str(arguments.config), **told}))
     elif ended:
         console.print(
             f"doublets flown in {outcome.flown_s:.0f} s; next: companion identify {outcome.folder}", soft_wrap=True

@@ -18,7 +18,8 @@ STEP: Final = (RATE, "mission.duration_s=8", "mission.waypoints=[{at_s: 1, offse
 HOVER: Final = (RATE, "mission.duration_s=7", "mission.waypoints=[]")
 LONG_HOVER: Final = (RATE, "mission.duration_s=11", "mission.waypoints=[]")
 FAULT: Final = Jump((0.0, 0.0, -1.4))  # a release for a fault, at once
-BY_ITSELF: Final = (Mode.RTL,)  # where PX4's own failsafe goes
+# Where PX4 goes without a stream: COM_OBL_RC_ACT is Position, there are no sticks, NAV_RCL_ACT is Return.
+BY_ITSELF: Final = (Mode.RTL,)
 
 _BREEZE: Final = Wind((5.0, 0.0, 0.0))
 _GUSTS: Final = Wind((3.0, 2.0, 0.0), Gust((3.0, 0.0, 0.5), 0.0, 0.8, 0.5, 4.0))

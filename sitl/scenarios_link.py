@@ -15,7 +15,6 @@ _HEARTBEAT: Final = 0
 _TIMESYNC: Final = 111
 _ODOMETRY: Final = 331
 _CURRENT_MODE: Final = 436
-# PX4 without a stream: COM_OBL_RC_ACT is Position, there are no sticks, NAV_RCL_ACT is Return.
 
 _BURSTS: Final = Impairments(burst_begins=0.01, burst_ends=0.2)
 _BAD: Final = Impairments(0.004, 0.004, 0.02, 0.002, 0.3, 0.02, 0.02, 0.01, 0.01)

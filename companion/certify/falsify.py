@@ -232,10 +232,11 @@ def _refine(vertices: Floats, order: Sequence[int], durations: Floats) -> _Patte
     matrices = vertices[list(order)]
 
     def decay(logarithms: Floats) -> tuple[float, Floats]:
-        lengths = np.exp(np.clip(logarithms, -20, 5))
+        clipped = np.clip(logarithms, -20, 5)
+        lengths = np.exp(clipped)
         total = float(lengths.sum())
         grown, slopes = _log_radius(matrices, lengths)
-        return -grown / total, lengths * (grown / total - slopes) / total
+        return -grown / total, np.where(clipped == logarithms, lengths * (grown / total - slopes) / total, 0.0)
 
     start = np.log(durations)
     growth = -decay(start)[0]
@@ -263,10 +264,11 @@ def _log_radius(matrices: Floats, durations: Floats) -> tuple[float, Floats]:
     dominant = int(np.argmax(np.abs(values)))
     mu, x = values[dominant], right[:, dominant]
     size = max(abs(complex(mu)), 1e-300)
+    phase = np.conj(mu) / size
     left = np.linalg.pinv(right)[dominant]  # its product with x is one
     slopes = np.empty(len(matrices))
     for k in range(len(matrices) - 1, -1, -1):
-        slopes[k] = np.real(left @ matrices[k] @ (reached[k + 1] @ x) * np.conj(mu)) / size**2
+        slopes[k] = np.real(left @ matrices[k] @ (reached[k + 1] @ x) * phase) / size
         left = left @ transitions[k]
     return math.log(size), slopes
 

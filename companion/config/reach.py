@@ -67,7 +67,7 @@ def amplitude_deg(controller: ControllerSection, fence: FenceSection, flown: Ide
     asked = flown.amplitude_deg
     if asked is None and largest >= SMALLEST_DEG:
         return min(USUAL_DEG, largest)
-    amplitude = asked or USUAL_DEG
+    amplitude = asked or SMALLEST_DEG
     goes_m = flown.excursion_m(amplitude)
     if goes_m <= most_m:
         return amplitude

@@ -81,8 +81,9 @@ class Config(Section):
         check_fence(self.guards.fence, self.mission)
         check_steering(self.steering, self.guards.fence, self.controller)
         check_reach(self.controller, self.mission)
-        if self.mission.identification is not None:
-            amplitude_deg(self.controller, self.guards.fence, self.mission.identification)
+        flown = self.mission.identification
+        if flown is not None:
+            amplitude_deg(self.controller, self.guards.fence, flown)  # or it raises
         check_delay(self.guards, self.attitude)
         if self.vehicle.kind == "rig" and (
             self.vehicle.hover_thrust_source == "estimated"

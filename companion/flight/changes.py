@@ -157,8 +157,11 @@ class Changes:
         if warning is not None:
             flight.tell(f"companion: UNCERTIFIED: {warning}")
         blind = flight.watch.blind()
-        flight.watch.told_blind = set(blind)
-        for line in (*flight.preflight.remarks(), *(f"guard cannot see: {name}" for name in blind.values())):
+        flight.watch.known_blind = set(blind)
+        lines = [*flight.preflight.remarks(), *(f"guard cannot see: {name}" for name in blind.values())]
+        if (flown := flight.pilot.manoeuvre) is not None:
+            lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
+        for line in lines:
             flight.event("remark", line)
             flight.say(line)
 

@@ -22,10 +22,12 @@ _SHAPE = (1.0, -1.0, -1.0, 1.0)  # in pulses
 class Manoeuvre:
     """Walks through the doublets.
 
-    Attributes: `over`, whether the last one and the pause after it have passed; `done`, doublets flown so far.
+    Attributes: `amplitude_deg` of a doublet; `over`, whether the last one and the pause after it have passed; `done`,
+    doublets flown so far.
     """
 
     def __init__(self, section: IdentificationSection, amplitude_deg: float, *, one_axis: bool) -> None:
+        self.amplitude_deg = amplitude_deg
         self._amplitude_rad = math.radians(amplitude_deg)
         self._pulse_s = section.pulse_s
         self._pause_s = section.pause_s

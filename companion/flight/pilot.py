@@ -24,7 +24,7 @@ class Pilot:
     """Flies the mission of a config from wherever `take_over` finds the vehicle.
 
     Attributes: `elapsed_s` in control; `origin`, where control began; `target`, where the mission or a live command
-    wants the vehicle; `last`, what the controller made of the last tick.
+    wants the vehicle; `last`, what the controller made of the last tick; `manoeuvre`, flown in place of a mission.
     """
 
     def __init__(self, config: Config, *, hedging: bool) -> None:
@@ -34,10 +34,10 @@ class Pilot:
         self._mission = Mission(config.mission)
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
-        self._manoeuvre: Manoeuvre | None = None
+        self.manoeuvre: Manoeuvre | None = None
         if flown is not None:
             amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
-            self._manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
+            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust
@@ -95,7 +95,7 @@ class Pilot:
             self.target = self._mission.command(self.elapsed_s, self.origin)
         self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
         self._sample = sample
-        return self.last[0] if self._manoeuvre is None else self._excite(self._manoeuvre, sample, dt_s)
+        return self.last[0] if self.manoeuvre is None else self._excite(self.manoeuvre, sample, dt_s)
 
     def _excite(self, manoeuvre: Manoeuvre, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
         """The controller's set-point, or in its place that of a doublet; the controller knows what was flown."""
@@ -126,14 +126,14 @@ class Pilot:
     @property
     def mission_over(self) -> bool:
         """Whether the mission's time is up."""
-        if self._manoeuvre is not None:
-            return self._manoeuvre.over
+        if self.manoeuvre is not None:
+            return self.manoeuvre.over
         return self._mission.over(self.elapsed_s)
 
     @property
     def ending(self) -> Reason:
         """What the mission's end is called."""
-        gave_up = self._manoeuvre is not None and self._manoeuvre.gave_up
+        gave_up = self.manoeuvre is not None and self.manoeuvre.gave_up
         return Reason.NOT_CALM if gave_up else Reason.MISSION_COMPLETE
 
     @property

@@ -80,7 +80,7 @@ class PoseSource:
     @property
     def variance_ned_m2(self) -> tuple[float, float, float]:
         """Of the last ODOMETRY, which alone tells it. Asked for seldom, so it is decoded then."""
-        if self._payload is None:
+        if self._payload is None or self.message != "ODOMETRY":
             return (math.nan, math.nan, math.nan)
         x, y, z = _unpack_variance(self._payload)
         return (x, y, z)

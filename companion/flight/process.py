@@ -65,7 +65,7 @@ class FlightProcess:
         self._flight = flight = Flight(
             config, link, recorder, hedging=hedging, lockstep=lockstep, uncertified=uncertified, say=say
         )
-        self._port, self._pilot, self._pose, self._watch = flight.port, flight.pilot, flight.pose, flight.watch
+        self._port, self._pilot, self._pose = flight.port, flight.pilot, flight.pose
         self._limits = flight.limits
         self._lockstep = lockstep
         self._warning = warning

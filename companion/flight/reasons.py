@@ -13,7 +13,7 @@ class Reason(StrEnum):
     MODE_CHANGED = "mode_changed"
     DISARMED = "disarmed"
     KILLED = "killed"
-    # it is over
+    # it is over, as wished or before
     OPERATOR = "operator"
     MISSION_COMPLETE = "mission_complete"
     NOT_CALM = "not_calm"

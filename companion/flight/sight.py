@@ -1,6 +1,6 @@
 """What a guard looks at may stop coming, and a last value that stays would look healthy for ever.
 
-Each source has an age at which what it told is forgotten. A guard that could see and cannot any more says so;
+Each source has an age at which what it told is forgotten. A guard that could see and cannot any more says so once;
 where it is the estimator that no longer answers for itself, control ends.
 """
 
@@ -30,6 +30,7 @@ class Sight:
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._status_at_s = self._variance_at_s = -math.inf
+        self._told: set[Reason] = set()
 
     def take(self, frame: Frame) -> None:
         """An ESTIMATOR_STATUS."""
@@ -42,23 +43,23 @@ class Sight:
         if now_s - self._status_at_s > ESTIMATOR_S:
             flight.watch.missing_flags = math.nan
         flight.delay.forget(now_s - TIMESYNC_S)
-        if flight.state not in (State.STANDBY, State.ENGAGED):
+        blind, known = flight.watch.blind(), flight.watch.known_blind
+        standing_by = flight.state in (State.STANDBY, State.ENGAGED)
+        if not standing_by or Reason.POSITION_VARIANCE not in blind:
             self._variance_at_s = now_s
+        if not standing_by:
             return
-        blind = flight.watch.blind()
-        if Reason.POSITION_VARIANCE not in blind:
-            self._variance_at_s = now_s
-        elif now_s - self._variance_at_s <= ESTIMATOR_S:
-            del blind[Reason.POSITION_VARIANCE]  # not for long enough
         for reason in _CAN_GO_BLIND:
             if reason not in blind:
-                flight.watch.told_blind.discard(reason)
-            elif reason not in flight.watch.told_blind:
+                known.discard(reason)
+            elif reason is Reason.POSITION_VARIANCE and now_s - self._variance_at_s <= ESTIMATOR_S:
+                continue  # one odometry without it is nothing
+            elif reason not in known and reason not in self._told:
                 self._gone_blind(reason, blind[reason])
 
     def _gone_blind(self, reason: Reason, what: str) -> None:
         flight = self._flight
-        flight.watch.told_blind.add(reason)
+        self._told.add(reason)
         flight.event("blind", f"guard cannot see: {what}")
         flight.say(f"guard cannot see: {what}")
         flight.tell(f"companion: guard cannot see: {what}")

@@ -31,8 +31,8 @@ class Watch:
     """From take-over to release.
 
     Attributes: `due_s`, when to look next; `alarmed`, whether a guard is above its limit; `missing_flags` of the
-    estimator as last told, NaN until then; `told_blind`, the guards the pilot knows cannot see; `last`, what was seen
-    at the last look.
+    estimator as last told, NaN until then; `known_blind`, the guards that could not see at stand-by, as the pilot was
+    told, and cannot yet; `last`, what was seen at the last look.
     """
 
     def __init__(self, config: Config, limits: Limits, pose: PoseSource, delay: LinkDelay) -> None:
@@ -53,7 +53,7 @@ class Watch:
         self._lift = 1.0  # vertical thrust over hover thrust, on average
         self.due_s = 0.0
         self.missing_flags = math.nan
-        self.told_blind: set[Reason] = set()
+        self.known_blind: set[Reason] = set()
         self.last = _CALM
 
     @property

@@ -67,7 +67,7 @@ def write(path: Path, identification: Identification) -> None:
     wanted: dict[str, dict[str, Any]] = {}
     for key, axis in CONFIG_AXES.items():
         if before["attitude"].get(key) is not None and axis in identification.axes:
-            kept = {k: v for k, v in before["attitude"][key].items() if k == _KEPT}
+            kept = {k: int(v) for k, v in before["attitude"][key].items() if k == _KEPT}
             wanted[key] = {**response(identification.axes[axis]), **kept}
     try:
         said: dict[KeyPath, str] = {

@@ -83,7 +83,12 @@ def test_doublets_identify_check_run(companion_, tmp_path: Path, monkeypatch: py
     # the flight
     flight = companion_("sitl", mine, "--identify", "--out", folder, "--json")
     assert flight.code == 0, flight.err
-    assert json.loads(flight.out) == {"config": str(mine), "complete": True, "flights": [str(folder / "hedged")]}
+    assert json.loads(flight.out) == {
+        "config": str(mine),
+        "complete": True,
+        "reason": "mission_complete",
+        "flights": [str(folder / "hedged")],
+    }
     assert read_flight(folder / "hedged").events[-1].name == "released_mission_complete"
 
     # the response: what it is, its delay with the link's

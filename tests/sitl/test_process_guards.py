@@ -2,12 +2,25 @@
 
 import math
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from scripted_autopilot import HOLD, OFFBOARD, RIG, Autopilot, Forged, flown, odometry, statuses, until
+from scripted_autopilot import (
+    HOLD,
+    OFFBOARD,
+    RIG,
+    Autopilot,
+    Forged,
+    flown,
+    odometry,
+    position_and_attitude,
+    statuses,
+    until,
+)
 
 from companion.config import load_config
 from companion.control.types import AttitudeSetpoint, Odometry
@@ -129,6 +142,21 @@ def test_an_estimator_that_no_longer_answers_ends_control(tmp_path: Path) -> Non
         until(process, "^guard cannot see: estimator_flags")
         assert "estimator_flags (the estimator no longer answers" in until(process, "^released")
         assert process.wait(5.0) == 1
+
+
+@pytest.mark.parametrize("pose", [lambda t: odometry(t, variance=math.nan), position_and_attitude])
+def test_what_was_never_told_is_not_missed(tmp_path: Path, pose: Callable[[int], Any]) -> None:
+    """The pilot knows it from stand-by; longer than after which it would be missed."""
+    with flown(tmp_path, *LONGER) as (autopilot, process):
+        autopilot.pose = pose
+        autopilot.start()
+        until(process, "^engaged")
+        time.sleep(4.0)
+        assert process.poll() is None
+        process.terminate()
+        rest = process.stdout.read() if process.stdout is not None else ""
+        assert "released: operator" in rest
+        assert "guard cannot see" not in rest
 
 
 def test_variances_that_are_told_no_longer_end_control(tmp_path: Path) -> None:
