@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from running_plant import PATIENT
 
 import companion.certify.assess
 from companion.cli import main
@@ -27,6 +28,7 @@ NOT_IDEAL = """\
     down: {delay_s: 0.004, jitter_s: 0.002, loss: 0.005}
     up: {delay_s: 0.004, jitter_s: 0.002}
 """
+BUSY = ("--set", "guards.link_delay_s.timeout_s=30")  # the machine's other work is no news here
 LINK_S = 0.004 + 0.001 + 0.004 + 0.001  # both ways, with the mean of the jitter
 TRUE = {"roll": (9.7, 0.94), "pitch": (9.5, 0.92)}
 
@@ -67,7 +69,7 @@ def fly_for_real(config: Path, out: Path) -> tuple[int, str, str]:
             )
             link = ("--link", f"udpout://127.0.0.1:{port}")
             ended = subprocess.run(
-                [*command, "run", str(config), *link, "--engage", "--out", str(out), *short],
+                [*command, "run", str(config), *link, "--engage", "--out", str(out), *short, *PATIENT, *BUSY],
                 check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT, timeout=60,
             )  # fmt: skip
         finally:
