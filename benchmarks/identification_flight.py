@@ -90,6 +90,38 @@ def flown(seed: int) -> tuple[Vehicle, dict[str, Any] | str]:
         return vehicle, axes
 
 
+class Found(NamedTuple):
+    """One parameter of one axis: found over true, and whether its interval holds the truth; None for a wrong model."""
+
+    model: str
+    name: str
+    ratio: float
+    inside: bool | None
+
+
+def compared(truth: dict[str, float], model: str, axis: dict[str, Any]) -> list[Found]:
+    """An axis beside the truth about it."""
+    values, right = axis["models"][model], axis["chosen"] == model
+    intervals = axis["interval_95"] if right else {}
+    return [
+        Found(model, name, values[name] / value, intervals[name][0] <= value <= intervals[name][1] if right else None)
+        for name, value in truth.items()
+    ]
+
+
+def table(found: list[Found], title: str) -> Table:
+    """By parameter: how often inside, bias and spread."""
+    shown = Table(title=title)
+    for column in ("model", "parameter", "axes", "inside", "bias", "spread"):
+        shown.add_column(column, justify="left" if column in ("model", "parameter") else "right")
+    for model, name in dict.fromkeys((f.model, f.name) for f in found):
+        of = [f for f in found if (f.model, f.name) == (model, name)]
+        ratios = [f.ratio for f in of]
+        inside = sum(f.inside is True for f in of)
+        shown.add_row(model, name, str(len(of)), str(inside), f"{np.mean(ratios) - 1:+.2%}", f"{np.std(ratios):.2%}")
+    return shown
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Identification of known vehicles that fly in the plant.")
     parser.add_argument("runs", type=int, nargs="?", default=100)
@@ -97,47 +129,26 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=1)
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
-    ratios: dict[tuple[str, str], list[float]] = {}
-    inside: dict[tuple[str, str], int] = {}
-    failed = right = axes_seen = axes_inside = runs_inside = 0
+    runs: list[list[list[Found]]] = []  # by run and axis
     console = Console()
     with ThreadPoolExecutor(arguments.jobs) as pool:
         for seed, (vehicle, axes) in zip(seeds, pool.map(flown, seeds), strict=True):
             if isinstance(axes, str):
-                failed += 1
                 console.print(f"seed {seed}: {axes}", markup=False)
                 continue
-            missed = []
-            for angle, truth in vehicle.truth.items():
-                axis = axes[angle]
-                axes_seen += 1
-                right += axis["chosen"] == vehicle.model
-                if axis["chosen"] != vehicle.model:
-                    missed.append(f"{angle} taken for {axis['chosen']}")
-                for name, value in truth.items():
-                    key = (vehicle.model, name)
-                    found = axis["models"][vehicle.model]
-                    ratios.setdefault(key, []).append(found[name] / value)
-                    if axis["chosen"] == vehicle.model:
-                        low, high = axis["interval_95"][name]
-                        inside[key] = inside.get(key, 0) + (low <= value <= high)
-                        if not low <= value <= high:
-                            missed.append(f"{angle} {name} {value:.4g} not in {low:.4g} to {high:.4g}")
-                axes_inside += not any(line.startswith(angle) for line in missed)
-            runs_inside += not missed
+            runs.append([compared(truth, vehicle.model, axes[angle]) for angle, truth in vehicle.truth.items()])
+            missed = [f"{f.name}, {f.ratio:.3f} of the truth" for axis in runs[-1] for f in axis if not f.inside]
             if missed:
-                console.print(f"seed {seed}: {'; '.join(missed)}", markup=False)
-    table = Table(title=f"{arguments.runs} identification flights in the served plant")
-    for column in ("model", "parameter", "axes", "inside", "bias", "spread"):
-        table.add_column(column, justify="left" if column in ("model", "parameter") else "right")
-    for (model, name), values in ratios.items():
-        bias, spread = float(np.mean(values)) - 1.0, float(np.std(values))
-        table.add_row(model, name, str(len(values)), str(inside.get((model, name), 0)), f"{bias:+.2%}", f"{spread:.2%}")
-    console.print(table)
+                console.print(f"seed {seed}: not inside: {'; '.join(missed)}", markup=False)
+    flown_axes = [axis for run in runs for axis in run]
+    console.print(table([f for axis in flown_axes for f in axis], f"{arguments.runs} flights in the served plant"))
+    good = [all(f.inside for f in axis) for axis in flown_axes]
+    whole = sum(all(f.inside for axis in run for f in axis) for run in runs)
+    right = sum(axis[0].inside is not None for axis in flown_axes)
     console.print(
-        f"all of an axis inside, of which the interval says 95 %: {axes_inside} of {axes_seen}; "
-        f"all of a run, one axis or two: {runs_inside} of {arguments.runs}; model right: {right} of {axes_seen} axes; "
-        f"not flown or not read: {failed}"
+        f"all of an axis inside, of which the interval says 95 %: {sum(good)} of {len(good)}; "
+        f"all of a run, one axis or two: {whole} of {arguments.runs}; "
+        f"model right: {right} of {len(good)} axes; not flown or not read: {arguments.runs - len(runs)}"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
@@ -21,16 +20,12 @@ from companion.certify.problem import Problem
 from companion.certify.statement import Json
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.certification import certificate_path, problem
-from companion.config.edit import KeyPath, edited, flow, key_paths
+from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS, LogError
 from companion.identify.write import CONFIG_AXES, note, response
 
-# Up to the first key of a `vehicle` in block style, where a key may be put before it.
-_FIRST_OF_VEHICLE: Final = re.compile(
-    r"^vehicle:[ \t]*(?:#.*)?\n(?:[ \t]*(?:#.*)?\n)*(?=(?P<indent>[ \t]+)[^\s#{&*])", re.MULTILINE
-)
 _SEARCH_DEGREES: Final = (2,)  # degree 4 gives 3 % more for twenty times the work
 
 
@@ -103,7 +98,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
         changes["vehicle", "parameters"] = gains
     text = edited(text, changes, notes)
     if ("vehicle", "parameters") not in known and identification.gains:
-        text = _FIRST_OF_VEHICLE.sub(lambda m: f"{m[0]}{m['indent']}parameters: {gains}\n", text, count=1)
+        text = added(text, "vehicle", "parameters", gains)
     return text
 
 

@@ -5,6 +5,7 @@ Source: PX4 `mavlink_receiver.cpp`, https://mavlink.io/en/services/command.html
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -63,40 +64,18 @@ class Commands:
 
     def take_long(self, frame: Frame, message: Any) -> None:
         """A COMMAND_LONG."""
-        self._command(
-            frame,
-            message,
-            Command(
-                message.command,
-                message.param1,
-                message.param2,
-                message.param3,
-                message.param4,
-                message.param5,
-                message.param6,
-                message.param7,
-            ),
-        )
+        self._take(frame, message, message.param5, message.param6, message.param7)
 
     def take_int(self, frame: Frame, message: Any) -> None:
         """A COMMAND_INT."""
         unset = message.x == 0x7FFFFFFF and message.y == 0x7FFFFFFF
-        self._command(
-            frame,
-            message,
-            Command(
-                message.command,
-                message.param1,
-                message.param2,
-                message.param3,
-                message.param4,
-                float("nan") if unset else 1e-7 * message.x,
-                float("nan") if unset else 1e-7 * message.y,
-                message.z,
-            ),
-        )
+        x, y = (math.nan, math.nan) if unset else (1e-7 * message.x, 1e-7 * message.y)
+        self._take(frame, message, x, y, message.z)
 
-    def _command(self, frame: Frame, message: Any, command: Command) -> None:
+    def _take(self, frame: Frame, message: Any, p5: float, p6: float, p7: float) -> None:
+        command = Command(
+            message.command, message.param1, message.param2, message.param3, message.param4, p5, p6, p7
+        )  # fmt: skip
         to_any = command.number in _TO_ANY_COMPONENT and message.target_system in (self._link.address[0], ANY)
         if not to_any and not self._link.for_us(message):
             return

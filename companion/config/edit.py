@@ -64,6 +64,14 @@ def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, st
     return text
 
 
+def added(text: str, section: str, key: str, value: str) -> str:
+    """The text with one more key, before the first of an outermost section in block style; as it was for any other."""
+    before_the_first = re.compile(
+        rf"^{section}:[ \t]*(?:#.*)?\n(?:[ \t]*(?:#.*)?\n)*(?=(?P<indent>[ \t]+)[^\s#{{&*])", re.MULTILINE
+    )
+    return before_the_first.sub(lambda m: f"{m[0]}{m['indent']}{key}: {value}\n", text, count=1)
+
+
 def flow(values: Mapping[str, float | Sequence[float]]) -> str:
     """A mapping of numbers and lists of numbers as YAML in flow style, six figures each."""
 

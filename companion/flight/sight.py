@@ -43,12 +43,12 @@ class Sight:
         if now_s - self._status_at_s > ESTIMATOR_S:
             flight.watch.missing_flags = math.nan
         flight.delay.forget(now_s - TIMESYNC_S)
-        blind, known = flight.watch.blind(), flight.watch.known_blind
-        standing_by = flight.state in (State.STANDBY, State.ENGAGED)
-        if not standing_by or Reason.POSITION_VARIANCE not in blind:
+        if flight.state not in (State.STANDBY, State.ENGAGED):
             self._variance_at_s = now_s
-        if not standing_by:
             return
+        blind, known = flight.watch.blind(), flight.watch.known_blind
+        if Reason.POSITION_VARIANCE not in blind:
+            self._variance_at_s = now_s
         for reason in _CAN_GO_BLIND:
             if reason not in blind:
                 known.discard(reason)
