@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit" / 
 from identify_logs import Known, fly, recording
 
 from companion.identify.identification import identify
-from sitl.attitude_loop import Response
+from sitl.vehicles.attitude_loop import Response
 
 
 def run(runs: int, second_order: bool, manoeuvres: int) -> None:

@@ -29,11 +29,11 @@ from rich.console import Console
 from rich.table import Table
 from service_tools import CONFIG, TOOLS, Inside, tool
 
-import sitl.server
+import sitl.wire.server
 from companion.config import load_config
 from sitl.build import build_world
-from sitl.log_download import synthetic_log
-from sitl.ports import Endpoint, UdpEndpoint, UdpPort
+from sitl.messages.log_download import synthetic_log
+from sitl.wire.ports import Endpoint, UdpEndpoint, UdpPort
 
 HERE = Path(__file__).resolve().parent
 RATE_HZ = 250.0
@@ -111,7 +111,7 @@ def fly(kind: str, seconds: float, rounds: int, folder: Path) -> dict[str, Any]:
         assert isinstance(endpoint, UdpEndpoint)
         return StampedPort(endpoint, stamps)
 
-    sitl.server.open_port = open_stamped
+    sitl.wire.server.open_port = open_stamped
     results: dict[str, Any] = {}
 
     def direct() -> None:
@@ -125,7 +125,7 @@ def fly(kind: str, seconds: float, rounds: int, folder: Path) -> dict[str, Any]:
 
     director = threading.Thread(target=direct)
     director.start()
-    sitl.server.serve(
+    sitl.wire.server.serve(
         build_world(config).autopilot,
         [UdpEndpoint(0, 9)],
         stop=stop.is_set,
@@ -254,7 +254,7 @@ def main() -> None:
         return
     if sys.argv[1:2] == ["--inside"]:
         from companion import cli  # noqa: PLC0415
-        from companion.flight import command  # noqa: PLC0415
+        from companion.commands import run as command  # noqa: PLC0415
 
         command.Door = Inside  # type: ignore[assignment,misc]
         cli.main(sys.argv[2:])

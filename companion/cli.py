@@ -161,45 +161,45 @@ def _build_parser() -> _Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from companion.flight.command import run_flight  # noqa: PLC0415 - imports only what the command needs
+    from companion.commands.run import run_flight  # noqa: PLC0415 - imports only what the command needs
 
     config = load_config(arguments.config, tuple(arguments.overrides))
     return run_flight(config, arguments)
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from companion.check import check  # noqa: PLC0415
+    from companion.commands.check import check  # noqa: PLC0415
 
     return check(load_config(arguments.config, tuple(arguments.overrides)), arguments)
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    from companion.identify.command import run  # noqa: PLC0415
+    from companion.commands.identify import run  # noqa: PLC0415
 
     return run(arguments)
 
 
 def _design(arguments: argparse.Namespace) -> int:
-    from companion.design import run  # noqa: PLC0415
+    from companion.commands.design import run  # noqa: PLC0415
 
     return run(arguments)
 
 
 def _vehicle(arguments: argparse.Namespace) -> int:
-    from companion.vehicle import vehicle  # noqa: PLC0415
+    from companion.commands.vehicle import vehicle  # noqa: PLC0415
 
     return vehicle(load_config(arguments.config, tuple(arguments.overrides)), arguments)
 
 
 def _logs(arguments: argparse.Namespace) -> int:
-    from companion.logs import logs  # noqa: PLC0415
+    from companion.commands.logs import logs  # noqa: PLC0415
 
     return logs(load_config(arguments.config, tuple(arguments.overrides)), arguments)
 
 
 def _sitl(arguments: argparse.Namespace) -> int:
     if arguments.scenarios is not None:
-        from sitl.scenario_command import run_scenarios  # noqa: PLC0415 - imports only what the command needs
+        from companion.commands.scenarios import run_scenarios  # noqa: PLC0415 - imports only what the command needs
 
         for option in ("serve", "lockstep", "realtime"):
             if getattr(arguments, option):
@@ -211,7 +211,7 @@ def _sitl(arguments: argparse.Namespace) -> int:
     for option, port in (("--port", arguments.port), ("--gcs-port", arguments.gcs_port)):
         if port is not None and not 0 <= port < 65536:
             raise ConfigError(f"{option} {port}: not a UDP port")
-    from sitl.command import run_experiment, serve_plant  # noqa: PLC0415
+    from companion.commands.sitl import run_experiment, serve_plant  # noqa: PLC0415
 
     return serve_plant(config, arguments) if arguments.serve else run_experiment(config, arguments)
 

@@ -18,17 +18,17 @@ from companion.config.plant import (
     SensorsSection,
     WindSection,
 )
-from sitl.attitude_loop import AngleGains, RateGains, Response
-from sitl.autopilot import Autopilot
-from sitl.environment import Environment, Turbulence, Wind
-from sitl.estimator import Estimator, Lag, Noise
-from sitl.impairments import Channel, Impairments
-from sitl.parameters import PX4_DEFAULTS, Parameters
-from sitl.quadrotor import QuadrotorParams
-from sitl.rig import RigParams
-from sitl.vehicle import Quadrotor, Rig, Vehicle
-from sitl.wind import Gust
-from sitl.wire import Channels
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.quadrotor import QuadrotorParams
+from sitl.vehicles.rig import RigParams
+from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
+from sitl.wire.impairments import Channel, Impairments
+from sitl.wire.wire import Channels
+from sitl.world.environment import Environment, Turbulence, Wind
+from sitl.world.estimator import Estimator, Lag, Noise
+from sitl.world.wind import Gust
 
 _NO_RESPONSE = Response(1.0, 0.0, 0.0)
 _NO_RATE_LOOP = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)

@@ -8,7 +8,7 @@ from importlib import metadata
 
 import numpy as np
 
-from companion.certify.actuator import Matrix
+from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.lyapunov import Candidate, Floats, coordinates, rescale, solve
 from companion.certify.problem import Problem

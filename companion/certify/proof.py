@@ -16,7 +16,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.certify.actuator import Matrix
+from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_vertices, joint_vertices
 from companion.certify.lifting import gram_null_space, lift, monomials

@@ -7,16 +7,16 @@ from typing import Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.authority import Reason, State
-from companion.flight.delay import INTERVAL_S, TIMESYNC
-from companion.flight.engage import Engagement, Seen
-from companion.flight.estimator import ESTIMATOR_STATUS
-from companion.flight.parameters import PARAM_VALUE
-from companion.flight.runtime import Status
-from companion.flight.service import Notifier
-from companion.flight.shared import Flight
-from companion.flight.sight import Sight
-from companion.flight.telemetry import GroundStation, system_status
+from companion.flight.authority.states import Reason, State
+from companion.flight.guards.blindness import Sight
+from companion.flight.guards.estimator import ESTIMATOR_STATUS
+from companion.flight.host.runtime import Status
+from companion.flight.host.service import Notifier
+from companion.flight.readiness.engage import Engagement, Seen
+from companion.flight.readiness.parameters import PARAM_VALUE
+from companion.flight.session import Flight
+from companion.flight.vehicle_link.ground_station import GroundStation, system_status
+from companion.flight.vehicle_link.link_delay import INTERVAL_S, TIMESYNC
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame, decode_cold
 from companion.mavlink.px4 import Mode

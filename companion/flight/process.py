@@ -13,19 +13,19 @@ import traceback
 from collections.abc import Callable
 
 from companion.config.schema import Config
-from companion.flight.authority import Reason, State
-from companion.flight.changes import Changes, ending, taken_by_failsafe
-from companion.flight.engage import Engagement, plan
-from companion.flight.guests import Guests
+from companion.flight.authority.states import Reason, State
+from companion.flight.host.runtime import Status, Summary, quiet_memory, stop_signals
+from companion.flight.host.service import Notifier
 from companion.flight.housekeeping import Housekeeping
-from companion.flight.live import LiveCommands
-from companion.flight.port import CURRENT_MODE, HEARTBEAT
-from companion.flight.pose import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY
+from companion.flight.readiness.engage import Engagement, plan
 from companion.flight.release import let_go
-from companion.flight.runtime import Status, Summary, quiet_memory, stop_signals
-from companion.flight.service import Notifier
-from companion.flight.shared import Flight
+from companion.flight.session import Flight
+from companion.flight.steering import LiveCommands
 from companion.flight.ticks import Ticks
+from companion.flight.tool_access import Guests
+from companion.flight.transitions import Changes, ending, taken_by_failsafe
+from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY
+from companion.flight.vehicle_link.port import CURRENT_MODE, HEARTBEAT
 from companion.mavlink.codec import Frame
 from companion.mavlink.link import Link, LinkError
 from companion.mavlink.sharing import Door

@@ -13,10 +13,10 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight import authority
-from companion.flight.port import CURRENT_MODE, HEARTBEAT, Port
-from companion.flight.shared import Flight
-from companion.flight.telemetry import system_status
+from companion.flight.authority import states as authority
+from companion.flight.session import Flight
+from companion.flight.vehicle_link.ground_station import system_status
+from companion.flight.vehicle_link.port import CURRENT_MODE, HEARTBEAT, Port
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame, decode_cold
 from companion.mavlink.px4 import Mode, Result

@@ -10,12 +10,12 @@ import time
 from typing import Final
 
 from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight import guards
-from companion.flight.authority import Reason, State
-from companion.flight.changes import Changes
+from companion.flight.authority.states import Reason, State
+from companion.flight.guards import table as guards
 from companion.flight.housekeeping import Housekeeping
-from companion.flight.pilot import record_standby
-from companion.flight.shared import Flight
+from companion.flight.pilot.pilot import record_standby
+from companion.flight.session import Flight
+from companion.flight.transitions import Changes
 from companion.mavlink.px4 import Mode
 from companion.record.recorder import TICK
 

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from companion.attitude_response.kinds import MODELS, Model, respond
 from companion.identify.manoeuvres import Manoeuvre
-from companion.identify.response import MODELS, Model, respond
 from companion.identify.series import Floats
 
 TOLERANCE: Final = 0.05  # of the root mean square error of prediction

@@ -61,7 +61,7 @@ FLOATS: Final = (
 _NAMES = [field.name for field in FLOATS]
 CONTROL_FLOATS: Final = FLOATS[_NAMES.index("target_ned_m") : _NAMES.index("setpoint_q_wxyz")]  # known only in control
 FLAGS: Final = (
-    Field("state", 1, "authority: see companion.flight.authority.State"),
+    Field("state", 1, "authority: see companion.flight.authority.states.State"),
     Field("limited", 1, "1 when tilt, thrust or acceleration limits cut the force"),
     Field("thrust_limited", 1, "1 when the thrust limit cut its vertical part"),
 )

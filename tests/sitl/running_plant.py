@@ -6,15 +6,15 @@ import threading
 from collections.abc import Sequence
 from types import TracebackType
 
-from sitl.attitude_loop import AngleGains, RateGains, Response
-from sitl.autopilot import Autopilot
-from sitl.log_download import LogFile
-from sitl.parameters import Parameters
-from sitl.ports import Endpoint, UdpEndpoint
-from sitl.quadrotor import QuadrotorParams
-from sitl.rig import RigParams
-from sitl.server import ServeResult, serve
-from sitl.vehicle import Quadrotor, Rig, Vehicle
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.parameters import Parameters
+from sitl.messages.log_download import LogFile
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.quadrotor import QuadrotorParams
+from sitl.vehicles.rig import RigParams
+from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
+from sitl.wire.ports import Endpoint, UdpEndpoint
+from sitl.wire.server import ServeResult, serve
 
 NO_RATES = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 HOVER_THRUST = 0.5

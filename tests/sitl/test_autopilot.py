@@ -15,10 +15,10 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
-from sitl.clocks import LockstepTimeoutError, StopReason
-from sitl.modes import Mode, custom_mode
-from sitl.ports import SerialEndpoint, UdpEndpoint, parse_serial
-from sitl.streams import Profile, default_intervals_us
+from sitl.autopilot.modes import Mode, custom_mode
+from sitl.messages.streams import Profile, default_intervals_us
+from sitl.wire.clocks import LockstepTimeoutError, StopReason
+from sitl.wire.ports import SerialEndpoint, UdpEndpoint, parse_serial
 
 ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY
 HOVER: Final = 0.5
@@ -448,7 +448,7 @@ def test_lockstep_stands_still_until_odometry_is_wanted() -> None:
 
 
 def test_lockstep_gives_up_with_a_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sitl.clocks.SETPOINT_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("sitl.wire.clocks.SETPOINT_TIMEOUT_S", 0.2)
     running = RunningPlant(autopilot(rig()), lockstep=True)
     with running, closing(Client(running.port)) as client:
         client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ODOMETRY, 4000)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import pytest
 
 from companion.certify import proof
+from companion.certify.from_config import certificate_path, problem
 from companion.certify.statement import statement
 from companion.config import Config, load_config
-from companion.config.certification import certificate_path, problem
 
 ROOT = Path(__file__).resolve().parents[2]
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"

@@ -24,9 +24,9 @@ from scripted_autopilot import (
 
 from companion.config import load_config
 from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight import shared
-from companion.flight.authority import Reason
-from companion.flight.pilot import Pilot
+from companion.flight import session as shared
+from companion.flight.authority.states import Reason
+from companion.flight.pilot.pilot import Pilot
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder

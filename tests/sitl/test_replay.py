@@ -22,9 +22,9 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
 from companion.control.attitude import thrust_direction
-from companion.flight.authority import Reason, State
+from companion.flight.authority.states import Reason, State
+from companion.flight.host.runtime import Status, Summary
 from companion.flight.process import FlightProcess
-from companion.flight.runtime import Status, Summary
 from companion.mavlink.codec import FrameParser, Layout
 from companion.mavlink.link import open_link
 from companion.mavlink.px4 import Mode

@@ -19,7 +19,7 @@ import pytest
 from running_plant import PATIENT
 
 from companion.record.reader import read_flight
-from sitl.log_download import synthetic_log
+from sitl.messages.log_download import synthetic_log
 
 ROOT = Path(__file__).resolve().parents[2]
 QUADROTOR = ROOT / "config" / "paper_quadrotor.yaml"

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from companion.config import ConfigError, load_config, load_text
-from sitl import quadrotor
-from sitl.attitude_loop import AngleGains, RateGains, Response
 from sitl.build import build_vehicle
-from sitl.vehicle import Quadrotor, Rig, Vehicle
+from sitl.vehicles import quadrotor
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 PX4, RIG = SHIPPED / "px4_quadrotor.yaml", SHIPPED / "antx_rig.yaml"

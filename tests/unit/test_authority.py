@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.authority import (
+from companion.flight.authority.states import (
     BY_STICKS,
     MEANING,
     ORDINARY,

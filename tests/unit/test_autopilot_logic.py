@@ -9,16 +9,16 @@ from typing import Final
 import pytest
 
 from companion.mavlink.px4 import Result
-from sitl.attitude_loop import AngleGains, RateGains, Response
-from sitl.autopilot import Autopilot
-from sitl.geodesy import GlobalPosition, to_global, to_local
-from sitl.modes import LandedState, Mode, custom_mode, from_main_sub, standard_mode
-from sitl.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
-from sitl.position_hold import attitude_from_acceleration, yaw_of
-from sitl.quadrotor import QuadrotorParams
-from sitl.requests import Command
-from sitl.rig import RigParams
-from sitl.vehicle import Quadrotor, Rig
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.commands import Command
+from sitl.autopilot.geodesy import GlobalPosition, to_global, to_local
+from sitl.autopilot.modes import LandedState, Mode, custom_mode, from_main_sub, standard_mode
+from sitl.autopilot.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
+from sitl.autopilot.position_hold import attitude_from_acceleration, yaw_of
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.quadrotor import QuadrotorParams
+from sitl.vehicles.rig import RigParams
+from sitl.vehicles.vehicle import Quadrotor, Rig
 
 ACCEPTED: Final = (Result.ACCEPTED,)
 REJECTED: Final = (Result.TEMPORARILY_REJECTED,)

@@ -5,7 +5,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.delay import INTERVAL_S, LinkDelay
+from companion.flight.vehicle_link.link_delay import INTERVAL_S, LinkDelay
 from companion.mavlink.codec import Frame, FrameParser
 
 VEHICLE = mavlink.MAVLink(None, 1, 1)

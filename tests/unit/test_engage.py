@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.engage import Engagement, Seen, plan
+from companion.flight.readiness.engage import Engagement, Seen, plan
 from companion.mavlink.px4 import Mode, Result
 
 ARM, SET_MODE = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE

@@ -6,10 +6,16 @@ from random import Random
 import numpy as np
 import pytest
 
-from sitl.estimator import Estimator, Lag, Noise, turned
-from sitl.health import NOMINAL, WITHOUT_HORIZONTAL, WITHOUT_PREDICTION, after_gps_loss, drift_after_gps_loss_m
-from sitl.quadrotor import euler, quaternion
-from sitl.vehicle import VehicleState
+from sitl.vehicles.quadrotor import euler, quaternion
+from sitl.vehicles.vehicle import VehicleState
+from sitl.world.estimator import Estimator, Lag, Noise, turned
+from sitl.world.estimator_status import (
+    NOMINAL,
+    WITHOUT_HORIZONTAL,
+    WITHOUT_PREDICTION,
+    after_gps_loss,
+    drift_after_gps_loss_m,
+)
 
 
 class Flight:

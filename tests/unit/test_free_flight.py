@@ -16,14 +16,14 @@ import pytest
 
 from companion.certify import proof
 from companion.certify.certificate import certify
+from companion.certify.from_config import certificate_path, problem
 from companion.certify.statement import statement
 from companion.config import Config, load_config
-from companion.config.certification import certificate_path, problem
 from companion.config.plant import Angle
 from companion.control.types import GRAVITY_M_S2, Command, Odometry
-from companion.flight.pilot import Pilot
-from sitl import quadrotor
-from sitl.attitude_loop import AngleGains, RateGains, RateState, Response
+from companion.flight.pilot.pilot import Pilot
+from sitl.vehicles import quadrotor
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response
 
 PX4 = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 TOO_HEAVY = 1.2

@@ -9,9 +9,9 @@ import pytest
 from companion.config import Config, ConfigError, load_config
 from companion.config.guards import Guards, GuardSection
 from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight import guards
-from companion.flight.guards import CLEAR, GUARDS, Limits, Watched
-from companion.flight.reasons import Reason
+from companion.flight.authority.reasons import Reason
+from companion.flight.guards import table as guards
+from companion.flight.guards.table import CLEAR, GUARDS, Limits, Watched
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT / "config" / "antx_rig.yaml"

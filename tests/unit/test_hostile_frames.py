@@ -11,8 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
+from companion.flight.authority.reasons import Reason
 from companion.flight.process import FlightProcess
-from companion.flight.reasons import Reason
 from companion.mavlink.codec import Encoder, FrameParser, Layout, crc_extra, mcrf4xx
 from companion.mavlink.px4 import Mode
 

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from companion.mavlink.codec import Encoder, FrameParser, Layout
-from sitl.impairments import NEVER_US, Channel, Impairments
+from sitl.wire.impairments import NEVER_US, Channel, Impairments
 
 HEARTBEAT = Encoder(Layout("HEARTBEAT"), 1, 1)
 ATTITUDE = Encoder(Layout("ATTITUDE"), 1, 1)

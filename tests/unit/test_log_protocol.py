@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink import ulog
 from companion.mavlink.codec import Encoder, Frame, FrameParser
 from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList, Pace
-from sitl.log_download import LogDownload, LogFile, synthetic_log
+from sitl.messages.log_download import LogDownload, LogFile, synthetic_log
 
 STEP_S = 0.01
 

@@ -13,10 +13,10 @@ from companion.config import ConfigError, load_config
 from companion.config.identification import IdentificationSection
 from companion.control import attitude, position
 from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight.manoeuvre import CALM_M, CALM_M_S, PATIENCE_S, Manoeuvre
-from companion.flight.pilot import Pilot
-from companion.flight.setup import initial_weights, position_params
-from sitl.quadrotor import euler
+from companion.flight.pilot.controller_params import initial_weights, position_params
+from companion.flight.pilot.doublets import CALM_M, CALM_M_S, PATIENCE_S, Manoeuvre
+from companion.flight.pilot.pilot import Pilot
+from sitl.vehicles.quadrotor import euler
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 PX4, RIG = SHIPPED / "px4_quadrotor.yaml", SHIPPED / "antx_rig.yaml"

@@ -10,7 +10,7 @@ import pytest
 from companion.config import Config, ConfigError, load_config
 from companion.config.mission import MissionSection, Waypoint
 from companion.control.types import Command
-from companion.flight.mission import Mission
+from companion.flight.pilot.mission import Mission
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 PX4 = SHIPPED / "px4_quadrotor.yaml"

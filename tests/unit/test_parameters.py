@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import ConfigError, load_config
-from companion.flight.parameters import Difference, ParameterReader, differences, parameter, stale
-from companion.flight.pose import PoseSource
-from companion.flight.preflight import Preflight
+from companion.flight.readiness.parameters import Difference, ParameterReader, differences, parameter, stale
+from companion.flight.readiness.preflight import Preflight
+from companion.flight.vehicle_link.odometry import PoseSource
 from companion.mavlink.codec import Frame, FrameParser
 
 QUADROTOR = Path(__file__).resolve().parents[2] / "config" / "paper_quadrotor.yaml"

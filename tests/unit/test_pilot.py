@@ -12,7 +12,7 @@ import pytest
 from companion.config import load_config
 from companion.control import attitude
 from companion.control.types import Command, Jump, Odometry
-from companion.flight.pilot import Pilot, record_standby
+from companion.flight.pilot.pilot import Pilot, record_standby
 from companion.record import schema
 from companion.record.reader import tick_dtype
 

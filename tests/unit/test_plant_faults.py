@@ -9,14 +9,14 @@ import pytest
 from companion.config import ConfigError, load_config
 from companion.mavlink.codec import FrameParser, Layout, decode_cold
 from companion.mavlink.px4 import Result
-from sitl.autopilot import Autopilot
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.commands import Command
+from sitl.autopilot.modes import Mode, custom_mode
+from sitl.autopilot.request_faults import Answer, Obedience
 from sitl.build import build_world
-from sitl.estimator import turned
-from sitl.modes import Mode, custom_mode
-from sitl.obedience import Answer, Obedience
-from sitl.quadrotor import euler, quaternion
-from sitl.requests import Command
-from sitl.telemetry import Telemetry
+from sitl.messages.telemetry import Telemetry
+from sitl.vehicles.quadrotor import euler, quaternion
+from sitl.world.estimator import turned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "sitl"))
 from running_plant import autopilot, quadrotor

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sitl import quadrotor, rig
-from sitl.attitude_loop import AngleGains, RateGains, RateState, Response, respond, wanted_rates
+from sitl.vehicles import quadrotor, rig
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response, respond, wanted_rates
 
 REST = RateState(0.0, 0.0)
 RATE = RateGains(40.0, 0.0, 0.0, 1.0, 10.0)

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.flight.port import Port
+from companion.flight.vehicle_link.port import Port
 from companion.mavlink import px4
 from companion.mavlink.codec import Encoder, FrameParser, Layout
 from companion.mavlink.link import open_link

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from companion.config.attitude import ResponseSection
-from companion.flight.response import Model, Response, ends, step
+from companion.flight.guards.attitude_response import Model, Response, ends, step
 
 PERIOD_S = 0.02
 FIRST = ResponseSection(bandwidth_rad_s=(5.0, 7.0), delay_s=(0.02, 0.04))

@@ -6,17 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.commands.scenarios import report
 from companion.config import load_config
-from companion.flight.authority import Reason, State
-from companion.flight.runtime import Summary
+from companion.flight.authority.states import Reason, State
+from companion.flight.host.runtime import Summary
 from companion.record.reader import Event, Flight, tick_dtype
-from sitl import faults, people
-from sitl.modes import Mode
-from sitl.scenario import QUADROTOR, Flown, Scenario
-from sitl.scenario_command import report
-from sitl.scenarios import ALL, by_name, pick
-from sitl.verdict import problems, worst_error_m
-from sitl.witness import Account, Change
+from sitl.autopilot.modes import Mode
+from sitl.scenarios import actors as people
+from sitl.scenarios import faults
+from sitl.scenarios.catalogue.index import ALL, by_name, pick
+from sitl.scenarios.observer import Account, Change
+from sitl.scenarios.scenario import QUADROTOR, Flown, Scenario
+from sitl.scenarios.verdict import problems, worst_error_m
 
 CONFIGS = Path(__file__).resolve().parents[2] / "config"
 # No fault of vehicle, link or people makes these: tests of the flight process do.

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from companion.config.service import ServiceSection
-from companion.flight.service import Notifier, prepare_process
+from companion.flight.host.service import Notifier, prepare_process
 
 UNIT = Path(__file__).resolve().parents[2] / "systemd" / "companion.service"
 
@@ -120,7 +120,7 @@ def test_nothing_is_asked_for_by_default() -> None:
 ASK = """
 import os, resource, sys
 from companion.config.service import ServiceSection
-from companion.flight.service import prepare_process
+from companion.flight.host.service import prepare_process
 if "limited" in sys.argv:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
     resource.setrlimit(resource.RLIMIT_MEMLOCK, (8 << 20, 8 << 20))

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.config import ConfigError, load_config
 from companion.config.guards import FenceSection
 from companion.control.types import Command
-from companion.flight import steer
+from companion.flight.vehicle_link import live_command as steer
 from companion.mavlink.codec import Frame, FrameParser
 
 OWN = (1, 191)

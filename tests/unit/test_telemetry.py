@@ -7,8 +7,8 @@ import math
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.authority import Reason, State
-from companion.flight.telemetry import GroundStation, system_status
+from companion.flight.authority.states import Reason, State
+from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.record import schema
 
 VALUES = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from companion.config import Config, load_config
-from companion.vehicle_settings import (
+from companion.flight.readiness.px4_settings import (
     GAINS,
     KINDS,
     Setting,
@@ -19,8 +19,8 @@ from companion.vehicle_settings import (
     unstated,
     worst,
 )
+from sitl.autopilot.parameters import PX4_DEFAULTS
 from sitl.build import plant_parameters
-from sitl.parameters import PX4_DEFAULTS
 
 QUADROTOR = Path(__file__).resolve().parents[2] / "config" / "paper_quadrotor.yaml"
 FINE, DIFFERS, DANGEROUS = Verdict

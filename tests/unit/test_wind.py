@@ -6,11 +6,11 @@ from random import Random
 import numpy as np
 import pytest
 
-from sitl.attitude_loop import AngleGains, RateGains, Response
-from sitl.environment import STEP_S, Environment, Turbulence, Wind
-from sitl.quadrotor import CALM, Effects, QuadrotorParams
-from sitl.vehicle import Quadrotor
-from sitl.wind import STILL, Gust, dryden, dryden_step, gust_share
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.quadrotor import CALM, Effects, QuadrotorParams
+from sitl.vehicles.vehicle import Quadrotor
+from sitl.world.environment import STEP_S, Environment, Turbulence, Wind
+from sitl.world.wind import STILL, Gust, dryden, dryden_step, gust_share
 
 GUST = Gust((3.0, 0.0, 0.0), start_s=1.0, rise_s=2.0, hold_s=1.0, every_s=10.0)
 

@@ -13,11 +13,11 @@ import companion.certify.design as module
 from companion.certify import proof
 from companion.certify.certificate import certify
 from companion.certify.design import SAMPLED_SHARE, Design, design, rates, slower
+from companion.certify.from_config import problem
 from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, Problem, SecondOrder, interval
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import statement
 from companion.config import load_config
-from companion.config.certification import problem
 
 PX4 = Path(__file__).resolve().parents[3] / "config" / "px4_quadrotor.yaml"
 MARGIN = Decimal("0.1")

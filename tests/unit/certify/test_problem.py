@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from companion.certify.actuator import companion_form, corners, delay_line
+from companion.attitude_response.realisation import companion_form, corners, delay_line
 from companion.certify.closed_loop import axis_vertices, joint_vertices
 from companion.certify.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import (

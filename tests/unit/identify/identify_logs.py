@@ -14,7 +14,7 @@ from pyulog import ULog
 from companion.identify.series import OURS, Recording, Track
 from companion.mavlink.codec import Encoder, Layout
 from companion.mavlink.px4 import Mode
-from sitl.attitude_loop import Response, respond
+from sitl.vehicles.attitude_loop import Response, respond
 
 Change = Callable[[dict[str, dict[str, Any]]], None]
 VEHICLE, COMPANION = (1, 1), (1, 191)

@@ -15,7 +15,7 @@ from companion.identify.identification import identify_log
 from companion.record import schema
 from companion.record.recorder import RECORD_HEADER, TICK
 from companion.record.writer import write
-from sitl.attitude_loop import Response
+from sitl.vehicles.attitude_loop import Response
 
 ROOT = Path(__file__).resolve().parents[3]
 KNOWN = Known(Response(0.0, 9.0, 0.9), up_s=0.02, down_s=0.0)

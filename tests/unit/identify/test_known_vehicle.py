@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from identify_logs import Known, flown_tlog, fly, recording
 
+from companion.attitude_response.kinds import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, respond
 from companion.identify.identification import identify, identify_log
-from companion.identify.response import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, respond
-from sitl.attitude_loop import Response
-from sitl.attitude_loop import respond as exact
+from sitl.vehicles.attitude_loop import Response
+from sitl.vehicles.attitude_loop import respond as exact
 
 RUNS = 100
 

@@ -15,7 +15,7 @@ from identify_logs import Change, Known, flown_tlog, fly, frame, only, tlog
 
 from companion.cli import main
 from companion.mavlink.px4 import Mode
-from sitl.attitude_loop import Response
+from sitl.vehicles.attitude_loop import Response
 
 ROOT = Path(__file__).resolve().parents[3]
 RIG, QUADROTOR = (ROOT / "config" / f"{name}.yaml" for name in ("antx_rig", "paper_quadrotor"))

@@ -1,0 +1,170 @@
+"""`companion check`: is this config certified, by what margin, what does delay cost, and how fast could it be?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from decimal import Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from companion.certify import proof
+from companion.certify.from_config import problem
+from companion.certify.problem import Problem
+from companion.certify.statement import statement
+from companion.config import Config, ConfigError
+
+if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
+    from companion.certify.assess import Assessment, AxisAssessment
+
+ANGLES = {"x": "pitch", "y": "roll"}
+
+
+def check(config: Config, arguments: argparse.Namespace) -> int:
+    """Run the pre-flight check. 0 certified, 1 not certified. Raises `ConfigError` for bad input."""
+    stated = problem(config)
+    if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
+        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    if arguments.verify is not None:
+        return _verify(arguments.verify, stated, as_json=arguments.json)
+    from companion.certify.assess import to_json  # noqa: PLC0415
+
+    console = Console(stderr=arguments.json)
+    assessment = _assess(stated, arguments, console)
+    if arguments.out is not None:
+        _write(assessment, arguments.out)
+    if arguments.plot is not None:
+        _plot(stated, assessment, arguments.plot, console)
+    if arguments.json:
+        print(json.dumps(to_json(assessment)))
+    else:
+        for name, axis in assessment.axes.items():
+            console.print(_table(name, axis, assessment, arguments))
+        console.print(verdict(assessment))
+        if assessment.certified and arguments.out is not None:
+            console.print(f"certificate: {arguments.out}")
+    return 0 if assessment.certified else 1
+
+
+def _assess(stated: Problem, arguments: argparse.Namespace, console: Console) -> Assessment:
+    from companion.certify.assess import assess  # noqa: PLC0415
+
+    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("certifying", total=1.0)
+        return assess(
+            stated,
+            arguments.degree,
+            arguments.all_degrees,
+            arguments.fastest,
+            lambda fraction, text: progress.update(task, completed=fraction, description=text),
+        )
+
+
+def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
+    """Verify a certificate file against the config, with the standard library alone."""
+    certificate, reason = proof.load(path)
+    if reason:
+        raise ConfigError(reason)
+    answer = proof.verify(certificate, statement(stated))
+    if as_json:
+        print(json.dumps({"verified": answer.ok, "reason": answer.reason}))
+    else:
+        print(answer.reason, file=sys.stdout if answer.ok else sys.stderr)
+    return 0 if answer.ok else 1
+
+
+def _write(assessment: Assessment, path: Path) -> None:
+    """The certificate, to `path`; nothing is written where there is none, and no stale one is left."""
+    try:
+        if assessment.certified:
+            path.write_text(json.dumps(assessment.certificate, indent=1) + "\n", encoding="utf-8")
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot write the certificate: {error.strerror}") from None
+
+
+def _plot(stated: Problem, assessment: Assessment, path: Path, console: Console) -> None:
+    """The picture of the axis with the smaller margin."""
+    from companion.certify.plot import delay_curves, plot_delay  # noqa: PLC0415
+
+    name = min(assessment.axes, key=lambda n: assessment.axes[n].tuned_bandwidth_rad_s)
+    axis = stated.axes[name]
+    longest = max(Decimal("0.06"), 2 * axis.response.delay_s.upper)
+    delays = [(longest * k / 6).quantize(Decimal("0.0001")) for k in range(7)]
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("delay curves", total=1.0)
+        curves = delay_curves(axis, delays, progress=lambda done: progress.update(task, completed=done))
+    try:
+        plot_delay(axis, curves, path, f"{name} ({ANGLES.get(name, name)})")
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot write the picture: {error}") from None
+
+
+def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: argparse.Namespace) -> Table:
+    table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    tuned = float(axis.tuned_bandwidth_rad_s)
+    table.add_row("attitude bandwidth, as tuned", f"{tuned:.3f} rad/s")
+    best: float | None = None
+    for degree, certified in axis.minimum_bandwidth.items():
+        if certified is not None:
+            value = float(certified.value)
+            best = value if best is None else min(best, value)
+            enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
+            table.add_row(f"needed, by degree {degree}", f"{value:.3f} rad/s  {enough}")
+    if axis.unstable_below is not None:
+        table.add_row("proven unstable below", f"{float(axis.unstable_below[0]):.3f} rad/s")
+    if best is not None:
+        table.add_row("margin", f"{100.0 * (tuned / best - 1.0):+.1f} %")
+    limit = "none" if axis.maximum_delay is None else f"{1e3 * float(axis.maximum_delay.value):.1f} ms"
+    table.add_row("delay, as configured / certified up to", f"{1e3 * float(axis.delay_s):.1f} ms / {limit}")
+    if name in assessment.adaptation_rates:
+        rate, largest = assessment.adaptation_rates[name]
+        enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"
+        table.add_row("adaptation rate / stable up to", f"{rate:g} / {_rate(largest)}  {enough}")
+    if arguments.fastest:
+        fastest = axis.fastest_reference
+        table.add_row(
+            "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
+        )
+    return table
+
+
+def _rate(limit: float) -> str:
+    return f"{limit:.0f}" if limit >= 10.0 else f"{limit:.2g}"
+
+
+def verdict(assessment: Assessment) -> str:
+    """One sentence."""
+    if assessment.certified:
+        delayed = any(axis.delay_s for axis in assessment.axes.values())
+        return (
+            f"[bold green]Certified[/bold green] by a Lyapunov function of degree {assessment.degree}, "
+            "verified exactly: no adaptation inside the bounds can destabilise this attitude loop"
+            + (", its delay taken as the Padé approximant of the config." if delayed else ".")
+        )
+    for name, (rate, limit) in assessment.adaptation_rates.items():
+        if rate >= limit:
+            return (
+                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below "
+                f"{_rate(limit)}, where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
+            )
+    for name, axis in assessment.axes.items():
+        if axis.attack is not None:
+            growth = axis.attack.spectral_radius
+            return (
+                f"[bold red]Not certified[/bold red], and it cannot be: axis {name} has an adaptation inside its "
+                f"bounds, a switching of {sum(axis.attack.durations_s):.2f} s, that grows {growth:.3g}-fold a period."
+            )
+    return (
+        "[bold red]Not certified[/bold red] by any degree tried: tune the attitude loop faster, cut the delay, or slow "
+        "the reference model down."
+    )

@@ -1,0 +1,245 @@
+"""`companion design`: from a flight log to a config that is certified to fly, and what limits it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from companion.certify import proof
+from companion.certify.assess import attack
+from companion.certify.certificate import certify
+from companion.certify.design import Design, design
+from companion.certify.from_config import certificate_path, problem
+from companion.certify.problem import Problem
+from companion.certify.statement import Json
+from companion.config import Config, ConfigError, load_config, load_text
+from companion.config.edit import KeyPath, added, edited, flow, key_paths
+from companion.identify.fit import ModelFit
+from companion.identify.identification import Identification, identify_log
+from companion.identify.series import OURS, LogError
+from companion.identify.write import CONFIG_AXES, note, response
+
+_SEARCH_DEGREES: Final = (2,)  # degree 4 gives 3 % more for twenty times the work
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, design, write config and certificate. 0 done, 1 nothing certified. Raises `ConfigError`."""
+    out: Path = arguments.out
+    if out.exists() and not arguments.force:
+        raise ConfigError(f"{out}: exists: choose another name, or --force")
+    if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
+        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    if not 0.0 <= arguments.margin < 1.0:
+        raise ConfigError(f"--margin {arguments.margin:g}: a fraction from 0 to below 1, as in 0.1 for 10 %")
+    if not out.parent.is_dir():
+        raise ConfigError(f"{out}: cannot write: no such folder")
+    template = load_config(arguments.template)
+    if not 0.0 <= arguments.link_delay < 0.5:
+        raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
+    try:
+        identification = identify_log(arguments.logs, template.vehicle.system_id)
+    except LogError as error:
+        raise ConfigError(str(error)) from None
+    text = arguments.template.read_text(encoding="utf-8")
+    with_response = _with_response(text, template, identification, arguments)
+    stated = problem(load_text(with_response, out, out.parent))
+    console = Console(stderr=arguments.json)
+    chosen = _design(stated, arguments, console)
+    if chosen is None:
+        console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
+        return 1
+    designed = edited(with_response, _changes(with_response, chosen, template))
+    certificate = _certified(problem(load_text(designed, out, out.parent)), arguments.degree)
+    if certificate is None:
+        console.print("[bold red]Not certified[/bold red] after all: give a larger --margin or --degree.")
+        return 1
+    _write(out, designed)
+    _write(certificate_path(out), json.dumps(certificate, indent=1) + "\n")
+    if arguments.json:
+        print(json.dumps(_to_json(chosen, template, identification, out)))
+    else:
+        _show(chosen, template, identification, arguments, console)
+    return 0
+
+
+def _with_response(text: str, template: Config, identification: Identification, arguments: argparse.Namespace) -> str:
+    """The template with the identified responses, in its plant too, and with the gains they were identified at."""
+    changes: dict[KeyPath, str] = {}
+    notes: dict[KeyPath, str] = {}
+    known = key_paths(text)
+    for axis, angle in CONFIG_AXES.items():
+        section = getattr(template.attitude, axis)
+        if section is None:
+            continue
+        if angle not in identification.axes:
+            raise ConfigError(identification.refused[angle])
+        found = identification.axes[angle]
+        # A log that keeps a set-point every so often shows each later than it was in force, by half of that on average.
+        more_s = arguments.link_delay + 0.5 * found.lateness_s
+        values = dict(response(found)) if arguments.intervals else _rounded(found.chosen.named())
+        values["delay_s"] = _plus(values.get("delay_s", 0.0), more_s)
+        changes["attitude", axis] = flow({"pade_order": section.pade_order, **values})
+        notes["attitude", axis] = note(identification, found)
+        plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
+        if plant in known:
+            flown = _rounded(found.chosen.named())
+            changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
+    if ("plant", "setpoint_delay_s") in known:
+        changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
+    gains = flow(identification.gains)
+    if ("vehicle", "parameters") in known and identification.gains:
+        changes["vehicle", "parameters"] = gains
+    text = edited(text, changes, notes)
+    if ("vehicle", "parameters") not in known and identification.gains:
+        text = added(text, "vehicle", "parameters", gains)
+    return text
+
+
+def _design(stated: Problem, arguments: argparse.Namespace, console: Console) -> Design | None:
+    columns = (TextColumn("{task.description:<36}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("designing", total=1.0)
+        return design(
+            stated,
+            Decimal(str(arguments.margin)),
+            _SEARCH_DEGREES,
+            lambda fraction, text: progress.update(task, completed=fraction, description=text),
+        )
+
+
+def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
+    """The chosen numbers by key; an axis that is an alias of the other has none of its own."""
+    known = key_paths(text)
+    changes: dict[KeyPath, str] = {}
+    controller = template.controller
+    standard = controller.axes.x.adaptation_rate.standard
+    for axis in ("x", "y"):
+        for key, value in (
+            ("natural_frequency_rad_s", f"{chosen.natural_frequency_rad_s}"),
+            ("position_weight_bound", _interval(chosen.position_bound)),
+            ("velocity_weight_bound", _interval(chosen.velocity_bound)),
+            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {standard:g}}}"),
+        ):
+            path = ("controller", "axes", axis, key)
+            if path in known:
+                changes[path] = value
+    if controller.bias is not None:
+        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {controller.bias.adaptation_rate.standard:g}}}"
+        changes["controller", "bias", "adaptation_rate"] = rates
+    return changes
+
+
+def _certified(stated: Problem, degree: int) -> dict[str, Json] | None:
+    """A certificate of the config as written; None where there is none or an attack on it succeeds."""
+    if any(attack(axis) is not None for axis in stated.axes.values() if axis.response.delay_s.upper):
+        return None
+    return certify(stated, degree)
+
+
+def _interval(bound: tuple[Decimal, Decimal]) -> str:
+    return f"[{bound[0]}, {bound[1]}]"
+
+
+def _rounded(values: dict[str, float]) -> dict[str, Any]:
+    return {key: float(f"{value:.4g}") for key, value in values.items()}
+
+
+def _plus(delay: Any, more_s: float) -> Any:
+    return [round(end + more_s, 6) for end in delay] if isinstance(delay, list) else round(delay + more_s, 6)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot write: {error.strerror}") from None
+
+
+def _limits(chosen: Design) -> str:
+    return f"{chosen.limited_by} (axis {chosen.slowest}, {CONFIG_AXES[chosen.slowest]})"
+
+
+def _to_json(chosen: Design, template: Config, identification: Identification, out: Path) -> dict[str, object]:
+    return {
+        "config": str(out),
+        "certificate": str(certificate_path(out)),
+        "certified": True,
+        "natural_frequency_rad_s": float(chosen.natural_frequency_rad_s),
+        "damping_ratio": template.controller.axes.x.damping_ratio,
+        "position_weight_bound": [float(end) for end in chosen.position_bound],
+        "velocity_weight_bound": [float(end) for end in chosen.velocity_bound],
+        "adaptation_rate": float(chosen.adaptation_rate),
+        "fastest_natural_frequency_rad_s": {name: float(value) for name, value in chosen.fastest_rad_s.items()},
+        "limited_by": chosen.limited_by,
+        "limited_by_sampling": chosen.sampled,
+        "cost_of_10_ms_rad_s": float(chosen.cost_of_10_ms_rad_s),
+        "responses": {name: axis.chosen.named() for name, axis in identification.axes.items()},
+    }
+
+
+def _in_words(fit: ModelFit) -> str:
+    words = [
+        f"{1e3 * value:.1f} ms"
+        if key == "delay_s"
+        else f"{value:.2f} rad/s"
+        if key.endswith("rad_s")
+        else f"ζ {value:.2f}"
+        for key, value in fit.named().items()
+    ]
+    return f"{', '.join(words)} (fit {fit.fit:.4f})"
+
+
+def _show(
+    chosen: Design,
+    template: Config,
+    identification: Identification,
+    arguments: argparse.Namespace,
+    console: Console,
+) -> None:
+    table = Table(title=f"{arguments.out}", show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    for angle, axis in identification.axes.items():
+        table.add_row(f"{angle}, {axis.chosen.model.title}", _in_words(axis.chosen))
+    for name, value in chosen.fastest_rad_s.items():
+        table.add_row(f"fastest reference, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
+    table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
+                                       f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
+    table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")
+    table.add_row("limited by", _limits(chosen))
+    table.add_row("10 ms more of delay would cost", f"{chosen.cost_of_10_ms_rad_s:.2f} rad/s")
+    table.add_row(
+        f"adaptation rate at {template.tick.floor_hz:g} Hz",
+        f"{chosen.adaptation_rate}" + (", lowered for the sampling" if chosen.sampled else ""),
+    )
+    console.print(table)
+    console.print(
+        f"[bold green]Certified[/bold green]: {arguments.out}, {certificate_path(arguments.out)}", soft_wrap=True
+    )
+    lateness_s = max(axis.lateness_s for axis in identification.axes.values())
+    if lateness_s:
+        console.print(
+            f"[yellow]The log keeps a set-point every {1e3 * lateness_s:.0f} ms only: half of it was added to each "
+            "delay. With the tlog of the flight beside it the delay is known.[/yellow]"
+        )
+    if identification.clock != OURS and not arguments.link_delay:
+        console.print(
+            "[yellow]The delay of the link is not in a ULog: give it by --link-delay, or the tlog of the flight "
+            "beside it.[/yellow]"
+        )
+    for angle, axis in identification.axes.items() if not arguments.intervals else ():
+        for key, (low, high) in axis.chosen.intervals().items():
+            middle = axis.chosen.named()[key]
+            if high > (1.0 + arguments.margin) * middle or low < middle / (1.0 + arguments.margin):
+                console.print(
+                    f"[yellow]{angle}: the interval of {key}, {low:.3g} to {high:.3g}, is wider than the margin: "
+                    "fly more manoeuvres, or certify all of it with --intervals.[/yellow]"
+                )
+    console.print(f"next: companion sitl {arguments.out}")

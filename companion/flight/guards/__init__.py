@@ -1,0 +1,1 @@
+"""What ends control by itself."""

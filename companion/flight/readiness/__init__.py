@@ -1,0 +1,1 @@
+"""May it fly: what is checked before control is taken."""

@@ -1,0 +1,157 @@
+"""Before stand-by: ask the vehicle for its odometry at the wanted rate, measure what comes, and judge it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from companion.config.schema import Config
+from companion.flight.guards.estimator import ESTIMATOR_STATUS
+from companion.flight.readiness.parameters import ParameterReader, name_of, stale
+from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
+from companion.flight.vehicle_link.port import CURRENT_MODE
+from companion.mavlink import px4
+from companion.mavlink.codec import Frame
+
+_ASK_AGAIN_S: Final = 1.0
+_FALL_BACK_S: Final = 1.5  # without any ODOMETRY
+_PATIENCE_S: Final = 5.0
+_MODE_HZ: Final = 20.0
+_ESTIMATOR_HZ: Final = 5.0
+_HOVER_THRUST: Final = "MPC_THR_HOVER"
+
+
+class Preflight:
+    """The check of one connection.
+
+    Attributes: `rate_hz` of the odometry as last measured; `hover_thrust` of the autopilot where wanted and told;
+    `stale`, why the certificate does not hold for the vehicle as it is. `compare`: whether its parameters are set
+    beside `vehicle.parameters`; `uncertified`: whether to go on where they differ.
+    """
+
+    def __init__(self, config: Config, pose: PoseSource, *, compare: bool = True, uncertified: bool = False) -> None:
+        self._tick = config.tick
+        self._ids = (config.vehicle.system_id, config.vehicle.component_id)
+        self._pose = pose
+        self._meter = RateMeter()
+        self._began_s = 0.0
+        self._ask_s = 0.0
+        self._uncertified = uncertified
+        self._expected = config.vehicle.parameters if compare else {}
+        self._hover_wanted = config.vehicle.hover_thrust_source != "config"
+        wanted = [*([_HOVER_THRUST] if self._hover_wanted else []), *self._expected]
+        self._parameters = ParameterReader(*self._ids, wanted)
+        self._parameters_over = not wanted
+        self.stale: str | None = None
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the odometry as last measured, Hz."""
+        return self._meter.rate_hz
+
+    @property
+    def passed(self) -> bool:
+        """Whether the odometry comes at `tick.floor_hz` or above, and nothing more is waited for."""
+        return self._fast and self._parameters_over and (self.stale is None or self._uncertified)
+
+    @property
+    def _fast(self) -> bool:
+        return self._meter.done and self._meter.rate_hz >= self._tick.floor_hz
+
+    def begin(self, now_s: float) -> None:
+        """The vehicle has been heard."""
+        self._began_s = self._ask_s = now_s
+
+    def restart(self) -> None:
+        """The vehicle's clock began anew: what was measured means nothing."""
+        self._meter = RateMeter()
+
+    def take(self, time_s: float) -> None:
+        """The time stamp of an odometry sample."""
+        self._meter.take(time_s)
+
+    def told(self, frame: Frame) -> bool:
+        """A PARAM_VALUE, also of what somebody sets later; whether `stale` is another for it since it was judged."""
+        if not self._parameters_over:
+            self._parameters.take(frame)
+            self._judge(self._parameters.done)
+            return False
+        if name_of(frame) not in self._expected or not self._parameters.take(frame):
+            return False
+        before, self.stale = self.stale, stale(self._expected, self._parameters.values)
+        return self.stale != before
+
+    @property
+    def hover_thrust(self) -> float | None:
+        """MPC_THR_HOVER, where `vehicle.hover_thrust_source` wants it and the vehicle has told it."""
+        return self._parameters.values.get(_HOVER_THRUST) if self._hover_wanted else None
+
+    def remarks(self) -> list[str]:
+        """What somebody should know before it flies, a line each."""
+        if not self._hover_wanted or self.hover_thrust is not None:
+            return []
+        return [f"the vehicle does not tell {_HOVER_THRUST}: flying with vehicle.hover_thrust"]
+
+    def requests(self, now_s: float, *, heard: bool) -> list[Any]:
+        """Messages to send now. `heard`: whether any odometry has come."""
+        if not heard and now_s - self._began_s > _FALL_BACK_S:
+            self._pose.fall_back()
+        self._judge(self._parameters.over(now_s))
+        parameters = self._parameters.requests(now_s)
+        if now_s < self._ask_s:
+            return parameters
+        self._ask_s = now_s + _ASK_AGAIN_S
+        rate = self._tick.rate_hz
+        wanted = [(ODOMETRY.message_id, rate)]
+        if self._pose.message != "ODOMETRY":
+            wanted = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
+        wanted = [(CURRENT_MODE.message_id, _MODE_HZ), (ESTIMATOR_STATUS.message_id, _ESTIMATOR_HZ), *wanted]
+        return parameters + [px4.message_interval(*self._ids, message_id, rate_hz) for message_id, rate_hz in wanted]
+
+    def _judge(self, over: bool) -> None:
+        if over and not self._parameters_over:
+            self._parameters_over = True
+            self.stale = stale(self._expected, self._parameters.values)
+
+    def refused(self) -> str | None:
+        """Why the vehicle must not be flown with this certificate, as one line."""
+        if self.stale is None or self._uncertified:
+            return None
+        return f"{self.stale}: set them back, or identify and check again, or fly --uncertified"
+
+    def failed(self, now_s: float) -> str | None:
+        """Why the vehicle is refused, as one line, once patience has ended."""
+        if self._fast or now_s - self._began_s <= _PATIENCE_S:
+            return None
+        return (
+            f"{self._pose.message} arrives at {self.rate_hz:.1f} Hz, tick.floor_hz is {self._tick.floor_hz:g}: "
+            "raise the link's rate or lower tick.rate_hz and check again"
+        )
+
+
+class RateMeter:
+    """Rate of the samples heard, by their own time stamps, once the vehicle has had time to obey the request."""
+
+    SETTLE_S = 0.3
+    MEASURE_S = 0.5
+
+    def __init__(self) -> None:
+        self._first_s: float | None = None
+        self._from_s = 0.0
+        self._count = 0
+        self.rate_hz = 0.0
+        self.done = False
+
+    def take(self, time_s: float) -> None:
+        """A sample's time. `rate_hz` and `done` follow; a window that ends too slow is followed by a new one."""
+        if self._first_s is None:
+            self._first_s = time_s
+        if time_s - self._first_s < self.SETTLE_S:
+            return
+        if self._count == 0:
+            self._from_s = time_s
+        self._count += 1
+        span = time_s - self._from_s
+        if span >= self.MEASURE_S:
+            self.rate_hz = (self._count - 1) / span
+            self.done = True
+            self._count = 0

@@ -1,0 +1,1 @@
+"""The paper's flights: flown, scored and drawn."""

@@ -1,0 +1,190 @@
+"""Which message is due when on one link, as PX4's stream scheduler does it (`mavlink/mavlink_main.cpp`).
+
+Each link has its own intervals and its own sequence numbers. Default rates are those of PX4 v1.17's onboard and normal
+modes, for the messages that the plant has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import Enum
+from typing import Final
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from sitl.messages.status_messages import Build
+from sitl.messages.telemetry import Telemetry
+
+NEVER_US: Final = 1 << 62
+HEARTBEAT_INTERVAL_US: Final = 1_000_000
+MAX_INTERVAL_US: Final = 1 << 31
+
+_ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY
+_HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+
+_ONBOARD_HZ: Final[Mapping[int, float]] = {
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: 10.0,
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: 50.0,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: 10.0,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: 30.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 50.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 10.0,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+    mavlink.MAVLINK_MSG_ID_CURRENT_MODE: 0.5,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 50.0,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 1.0,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 8.0,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 5.0,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 10.0,
+}
+_GROUND_STATION_HZ: Final[Mapping[int, float]] = {
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: 1.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 15.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 10.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 2.0,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+    mavlink.MAVLINK_MSG_ID_CURRENT_MODE: 0.5,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 1.0,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 5.0,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 1.0,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+}
+
+
+class Profile(Enum):
+    """Default rates of a link: PX4's `-m onboard` and `-m normal`."""
+
+    ONBOARD = "onboard"
+    GROUND_STATION = "normal"
+
+
+def default_intervals_us(profile: Profile) -> dict[int, int]:
+    """Microseconds between two messages, by message id."""
+    rates = _ONBOARD_HZ if profile is Profile.ONBOARD else _GROUND_STATION_HZ
+    return {message_id: round(1e6 / rate) for message_id, rate in rates.items()}
+
+
+class _Stream:
+    """One periodic message."""
+
+    __slots__ = ("build", "due_us", "interval_us", "sent_us")
+
+    def __init__(self, build: Build, interval_us: int, now_us: int) -> None:
+        self.build = build
+        self.interval_us = interval_us
+        self.sent_us = now_us
+        self.due_us = now_us + interval_us
+
+    def sent(self, now_us: int) -> None:
+        self.sent_us = now_us
+        due = self.due_us + self.interval_us  # a fixed grid: lateness does not lower the rate
+        self.due_us = due if due > now_us else now_us + self.interval_us
+
+
+class Streams:
+    """The periodic messages of one link.
+
+    Attributes:
+        sequence: number of the next frame; every frame of the link takes one by `take_sequence`.
+        odometry_due_us: of the next ODOMETRY, `NEVER_US` where it is stopped.
+        others_due_us: of the next message that is not ODOMETRY.
+    """
+
+    def __init__(self, telemetry: Telemetry, profile: Profile, now_us: int = 0) -> None:
+        self._builders = telemetry.builders
+        self._defaults = default_intervals_us(profile)
+        self._streams = {_HEARTBEAT: _Stream(self._builders[_HEARTBEAT], HEARTBEAT_INTERVAL_US, now_us)}
+        self._others = list(self._streams.values())
+        self._odometry: _Stream | None = None
+        self.started = False
+        self.sequence = 0
+        self.odometry_due_us = NEVER_US
+        self.others_due_us = now_us + HEARTBEAT_INTERVAL_US
+
+    @property
+    def due_us(self) -> int:
+        """Simulated time of the next message; until `start`, of the next heartbeat."""
+        return min(self.odometry_due_us, self.others_due_us)
+
+    def start(self, now_us: int) -> None:
+        """Somebody listens now: all default streams run from here."""
+        if not self.started:
+            self.started = True
+            for message_id, interval in self._defaults.items():
+                self._streams[message_id] = _Stream(self._builders[message_id], interval, now_us)
+            self._sort()
+
+    def set_interval(self, message_id: int, interval_us: float, now_us: int) -> bool:
+        """SET_MESSAGE_INTERVAL: negative stops, zero is the default rate; whether PX4 would say it is known.
+
+        A message asked for more often is sent as soon as its new interval since the last one has passed.
+        """
+        build = self._builders.get(message_id)
+        if build is None or message_id == _HEARTBEAT or math.isnan(interval_us):
+            return False
+        self.start(now_us)
+        interval = round(min(interval_us, MAX_INTERVAL_US))
+        if -1e-5 <= interval_us <= 1e-5:
+            interval = self._defaults.get(message_id, 0)
+        if interval <= 0:
+            self._streams.pop(message_id, None)
+        else:
+            old = self._streams.get(message_id)
+            stream = self._streams[message_id] = _Stream(build, interval, old.sent_us if old else now_us)
+            stream.due_us = max(stream.due_us, now_us)
+        self._sort()
+        return True
+
+    def interval_us(self, message_id: int) -> int:
+        """MESSAGE_INTERVAL.interval_us: -1 for a message that is not sent by itself."""
+        stream = self._streams.get(message_id)
+        return stream.interval_us if stream else -1
+
+    def request(self, message_id: int) -> bytes | None:
+        """One message out of turn; `None` where the plant does not have it."""
+        build = self._builders.get(message_id)
+        return build(self.take_sequence()) if build else None
+
+    def take_sequence(self) -> int:
+        """The sequence number of one more frame."""
+        sequence = self.sequence
+        self.sequence = (sequence + 1) & 255
+        return sequence
+
+    def others(self, now_us: int, frames: list[bytes]) -> None:
+        """Append what is due, but for ODOMETRY."""
+        if now_us < self.others_due_us:
+            return
+        earliest = NEVER_US
+        for stream in self._others:
+            if stream.due_us <= now_us:
+                frames.append(stream.build(self.take_sequence()))
+                stream.sent(now_us)
+            earliest = min(earliest, stream.due_us)
+        self.others_due_us = earliest
+
+    def odometry(self, now_us: int, frames: list[bytes]) -> None:
+        """Append ODOMETRY if it is due."""
+        stream = self._odometry
+        if stream is not None and stream.due_us <= now_us:
+            frames.append(stream.build(self.take_sequence()))
+            stream.sent(now_us)
+            self.odometry_due_us = stream.due_us
+
+    def _sort(self) -> None:
+        self._odometry = self._streams.get(_ODOMETRY)
+        self._others = [stream for message_id, stream in self._streams.items() if message_id != _ODOMETRY]
+        self.odometry_due_us = self._odometry.due_us if self._odometry else NEVER_US
+        self.others_due_us = min(stream.due_us for stream in self._others)

@@ -1,0 +1,1 @@
+"""What may happen to a flight, and what must hold."""

@@ -1,0 +1,1 @@
+"""Every scenario, as data."""

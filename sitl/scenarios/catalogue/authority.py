@@ -1,0 +1,107 @@
+"""Scenarios of people: pilots who switch, disarm and kill, and an operator who has had enough."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from companion.flight.authority.states import Reason
+from sitl.autopilot.modes import Mode
+from sitl.scenarios.actors import OperatorStops, PilotDisarms, PilotKills, PilotTakes
+from sitl.scenarios.catalogue.flight import FAULT, HOVER, STEP
+from sitl.scenarios.scenario import Scenario
+
+AUTHORITY: Final = (
+    Scenario(
+        "pilot_position",
+        "the pilot takes over with the sticks",
+        Reason.MODE_CHANGED,
+        ((2.0, PilotTakes(Mode.POSCTL)),),
+        overrides=STEP,
+        ends_in=(Mode.POSCTL,),
+        by_s=2.2,
+        stays_within_m=2.0,
+    ),
+    Scenario(
+        "pilot_hold",
+        "the pilot chooses Hold",
+        Reason.MODE_CHANGED,
+        ((2.0, PilotTakes(Mode.HOLD)),),
+        overrides=STEP,
+        by_s=2.2,
+        stays_within_m=2.0,
+    ),
+    Scenario(
+        "pilot_returns",
+        "the pilot chooses Return",
+        Reason.MODE_CHANGED,
+        ((2.0, PilotTakes(Mode.RTL)),),
+        overrides=STEP,
+        by_s=2.2,
+        stays_within_m=4.0,
+        ends_in=(Mode.RTL,),
+    ),
+    Scenario(
+        "pilot_asks_again",
+        "the pilot takes over and asks for OFFBOARD again: nobody streams, nobody fights",
+        Reason.MODE_CHANGED,
+        ((2.0, PilotTakes(Mode.HOLD)), (3.5, PilotTakes(Mode.OFFBOARD))),
+        overrides=HOVER,
+        by_s=2.2,
+        stays_within_m=1.0,
+        coast_s=3.0,
+    ),
+    Scenario(
+        "pilot_and_fault",
+        "the pilot switches a moment before a fault releases: the pilot keeps it",
+        Reason.ESTIMATOR_JUMP,
+        ((1.99, PilotTakes(Mode.POSCTL)), (2.0, FAULT)),
+        overrides=HOVER,
+        ends_in=(Mode.POSCTL,),
+        by_s=2.2,
+        stays_within_m=2.0,
+    ),
+    Scenario(
+        "pilot_disarms",
+        "the pilot disarms in the air",
+        Reason.DISARMED,
+        ((2.0, PilotDisarms()),),
+        overrides=HOVER,
+        ends_in=(Mode.HOLD, Mode.OFFBOARD),
+        armed=False,
+        stays_within_m=6.0,
+        error_m=6.0,
+    ),
+    Scenario(
+        "pilot_kills",
+        "the kill switch",
+        Reason.KILLED,
+        ((2.0, PilotKills()),),
+        overrides=HOVER,
+        ends_in=(Mode.RTL, Mode.OFFBOARD),
+        armed=True,
+        stays_within_m=6.0,
+        error_m=6.0,
+        coast_s=0.5,
+    ),
+    Scenario(
+        "terminated",
+        "flight termination",
+        Reason.KILLED,
+        ((2.0, PilotTakes(Mode.TERMINATION)),),
+        overrides=HOVER,
+        ends_in=(Mode.TERMINATION,),
+        armed=True,
+        stays_within_m=6.0,
+        error_m=6.0,
+        coast_s=0.5,
+    ),
+    Scenario(
+        "operator",
+        "Ctrl-C",
+        Reason.OPERATOR,
+        ((2.0, OperatorStops()),),
+        overrides=HOVER,
+        by_s=2.1,
+        stays_within_m=0.3,
+    ),
+)

@@ -1,0 +1,214 @@
+"""What may befall a flight, as a vocabulary for scenarios: each a record that happens on a stage."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Final, NamedTuple
+
+from sitl.autopilot.position_hold import AttitudeThrust
+from sitl.scenarios.run import Stage
+from sitl.vehicles.vehicle import Rig, Vector
+from sitl.wire.impairments import Channel, Impairments
+from sitl.world.environment import Wind
+from sitl.world.estimator import Lag, Noise, turned
+from sitl.world.estimator_status import after_gps_loss, drift_after_gps_loss_m
+
+EVERYTHING: Final = Channel.ALL
+_STILL: Final = (0.0, 0.0, 0.0)
+
+
+class Blow(NamedTuple):
+    """Another wind."""
+
+    wind: Wind
+
+    def happen(self, stage: Stage) -> None:
+        stage.environment.blow(self.wind)
+
+
+class LoseMotor(NamedTuple):
+    """Motors give less in all, and unevenly, which holds the attitude off its set-point."""
+
+    thrust_share: float
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+
+    def happen(self, stage: Stage) -> None:
+        environment = stage.environment
+        environment.motors = self.thrust_share
+        environment.roll_bias_rad = math.radians(self.roll_deg)
+        environment.pitch_bias_rad = math.radians(self.pitch_deg)
+
+
+class Sag(NamedTuple):
+    """The battery gives out: so much of the thrust a second."""
+
+    share_1_s: float
+
+    def happen(self, stage: Stage) -> None:
+        stage.environment.sag_1_s = self.share_1_s
+
+
+class Push(NamedTuple):
+    """A force on a rig, over its mass."""
+
+    acceleration_m_s2: float
+
+    def happen(self, stage: Stage) -> None:
+        assert isinstance(stage.autopilot.vehicle, Rig)
+        stage.autopilot.vehicle.push_m_s2 = self.acceleration_m_s2
+
+
+# --- the estimator ------------------------------------------------------------------------------------------------
+
+
+class GetNoisy(NamedTuple):
+    """More noise."""
+
+    noise: Noise
+
+    def happen(self, stage: Stage) -> None:
+        stage.estimator.noise = self.noise
+
+
+class LagBehind(NamedTuple):
+    """Older estimates, with stamps that say they are fresh."""
+
+    lag: Lag
+
+    def happen(self, stage: Stage) -> None:
+        stage.estimator.lag = self.lag
+
+
+class Drift(NamedTuple):
+    """Position slides, velocity does not know."""
+
+    rate_ned_m_s: Vector
+    for_s: float = math.inf
+
+    def happen(self, stage: Stage) -> None:
+        stage.estimator.drift_ned_m_s = self.rate_ned_m_s
+        if math.isfinite(self.for_s):
+            stage.later(self.for_s, lambda: setattr(stage.estimator, "drift_ned_m_s", _STILL))
+
+
+class Jump(NamedTuple):
+    """The estimate jumps; `counted`: the reset counter tells.
+
+    The attitude loop lives in the estimate's heading, and PX4 turns the set-point that stands with it.
+    """
+
+    position_ned_m: Vector = _STILL
+    velocity_ned_m_s: Vector = _STILL
+    yaw_deg: float = 0.0
+    counted: bool = True
+
+    def happen(self, stage: Stage) -> None:
+        autopilot, yaw = stage.autopilot, math.radians(self.yaw_deg)
+        stage.estimator.jump(self.position_ned_m, self.velocity_ned_m_s, yaw)
+        if yaw:
+            autopilot.heading_error_rad += yaw
+            autopilot.setpoint = AttitudeThrust(turned(autopilot.setpoint.q_wxyz, yaw), autopilot.setpoint.thrust)
+        autopilot.reset_counter = autopilot.reset_counter + self.counted & 255
+        if self.counted:
+            stage.witness.mark()
+
+
+class Freeze(NamedTuple):
+    """The estimate repeats itself with fresh stamps."""
+
+    for_s: float = math.inf
+
+    def happen(self, stage: Stage) -> None:
+        stage.estimator.frozen = True
+        if math.isfinite(self.for_s):
+            stage.later(self.for_s, lambda: setattr(stage.estimator, "frozen", False))
+
+
+class BecomeNaN(NamedTuple):
+    """The position is no number."""
+
+    def happen(self, stage: Stage) -> None:
+        stage.estimator.not_a_number = True
+
+
+class LoseGps(NamedTuple):
+    """As recorded from PX4: variances grow, position drifts, the flags drop at last."""
+
+    towards: tuple[float, float] = (0.7, -0.7)  # north, east
+
+    def happen(self, stage: Stage) -> None:
+        north, east = self.towards
+        gone_m = 0.0
+
+        def lose(elapsed_s: float) -> None:
+            nonlocal gone_m
+            stage.autopilot.health = after_gps_loss(elapsed_s)
+            step = drift_after_gps_loss_m(elapsed_s) - gone_m
+            gone_m += step
+            stage.estimator.jump((step * north, step * east, 0.0))
+
+        stage.each_step(lose)
+
+
+class Doubt(NamedTuple):
+    """The estimator says less of itself: fewer flags, a larger variance."""
+
+    flags: int = 895
+    position_m2: float = 0.02
+
+    def happen(self, stage: Stage) -> None:
+        stage.autopilot.health = stage.autopilot.health._replace(flags=self.flags, horizontal_m2=self.position_m2)
+
+
+class JumpClock(NamedTuple):
+    """The time stamps of ODOMETRY are off by so much from now on."""
+
+    by_s: float
+
+    def happen(self, stage: Stage) -> None:
+        off_us = round(1e6 * self.by_s)
+        stage.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
+
+
+# --- the link -----------------------------------------------------------------------------------------------------
+
+
+class Impair(NamedTuple):
+    """The link gets worse; `None` leaves a direction as it is."""
+
+    down: Impairments | None = None
+    up: Impairments | None = None
+    for_s: float = math.inf
+
+    def happen(self, stage: Stage) -> None:
+        for channel, impairments in ((stage.channels.down, self.down), (stage.channels.up, self.up)):
+            if impairments is not None:
+                channel.impairments = impairments
+                if math.isfinite(self.for_s):
+                    stage.later(self.for_s, partial(setattr, channel, "impairments", Impairments()))
+
+
+class Mute(NamedTuple):
+    """Messages get lost, or all of them, on the way down or up."""
+
+    message_id: int = EVERYTHING
+    for_s: float = math.inf
+    upwards: bool = False
+
+    def happen(self, stage: Stage) -> None:
+        channel = stage.channels.up if self.upwards else stage.channels.down
+        channel.muted.add(self.message_id)
+        if math.isfinite(self.for_s):
+            stage.later(self.for_s, lambda: channel.muted.discard(self.message_id))
+
+
+class Thin(NamedTuple):
+    """Only one in so many frames of a message passes on the way down."""
+
+    message_id: int
+    one_in: int
+
+    def happen(self, stage: Stage) -> None:
+        stage.channels.down.keep_one_in[self.message_id] = self.one_in

@@ -1,0 +1,57 @@
+"""What a scenario says: what is flown, what happens when, and what must hold."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from companion.flight.authority.states import Reason
+from sitl.autopilot.modes import Mode
+from sitl.scenarios.run import Happening
+
+QUADROTOR: Final = "px4_quadrotor.yaml"
+RIG: Final = "antx_rig.yaml"
+
+
+class Scenario(NamedTuple):
+    """One flight and its verdict. Times in s since OFFBOARD began; distances from there, of the true vehicle."""
+
+    name: str
+    about: str  # one line
+    reason: Reason  # why control must end
+    happens: tuple[tuple[float, Happening], ...] = ()
+    # what is flown
+    base: str = QUADROTOR
+    overrides: tuple[str, ...] = ()  # section.key=value
+    before: tuple[Happening, ...] = ()  # before the companion is there
+    airborne: bool = True  # hovering in Hold, armed, from the start; otherwise on the ground
+    engage: bool = False  # the companion arms, takes off and asks for OFFBOARD; otherwise a pilot switches
+    pilot: bool = True
+    realtime: bool = False  # for what only a clock on the wall can tell
+    limit_s: float = 15.0  # the operator ends it then, and the scenario has failed
+    coast_s: float = 2.0  # for how long the plant flies on alone
+    # what must hold, beside the reason
+    engaged: bool = True  # control began at all
+    ends_in: tuple[Mode, ...] = (Mode.HOLD,)
+    armed: bool = True  # at the end
+    stays_within_m: float = 1.0  # across and vertical, in control
+    margin_m: float = 2.0  # and so much more after it, in the autopilot's hands
+    error_m: float = 0.5  # worst distance from the tracked reference, in control
+    by_s: float | None = None  # control has ended by then, and never before anything happens
+    events: tuple[str, ...] = ()  # of the flight log, that must be there
+    streams: bool = True  # whether any set-point comes at all
+
+
+class Flown(NamedTuple):
+    """How a scenario went."""
+
+    name: str
+    expected: str
+    reason: str  # `-` where the flight could not be flown
+    worst_error_m: float | None  # None where control never began
+    problems: tuple[str, ...]
+    wall_s: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything held."""
+        return not self.problems

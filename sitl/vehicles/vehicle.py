@@ -1,0 +1,192 @@
+"""The plant as the autopilot sees it: an attitude set-point and a thrust in, a pose out, one physics step at a time."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple, Protocol
+
+from companion.control.types import GRAVITY_M_S2
+from sitl.vehicles import quadrotor, rig
+from sitl.vehicles.attitude_loop import RateState
+
+Quaternion = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+
+
+class VehicleState(NamedTuple):
+    """Truth at one instant. Local NED, body FRD, quaternion scalar first, body to NED."""
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    q_wxyz: Quaternion
+    rates_frd_rad_s: Vector
+    specific_force_frd_m_s2: Vector
+
+
+class Vehicle(Protocol):
+    """What the autopilot flies."""
+
+    hover_thrust: float  # believed by autopilot and companion; what really carries it may differ
+    can_fly: bool  # False for a rig on guides: it neither takes off nor lands
+    thrust_share: float  # of its thrust that battery and motors still give
+    effects: quadrotor.Effects  # what acts on it from outside
+
+    @property
+    def state(self) -> VehicleState:
+        """Truth now."""
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        """Advance by `dt_s` under an attitude set-point and a normalised thrust."""
+
+    def on_ground(self) -> bool:
+        """Whether the landing gear carries the weight."""
+
+
+class _Delay:
+    """Set-points as they come out of a transport delay of a whole number of physics steps."""
+
+    def __init__(self, delay_s: float, dt_s: float) -> None:
+        self._queue: deque[tuple[Quaternion, float]] = deque()
+        self._steps = round(delay_s / dt_s)
+
+    def through(self, q_wxyz: Quaternion, thrust: float) -> tuple[Quaternion, float]:
+        if not self._steps:
+            return q_wxyz, thrust
+        self._queue.append((q_wxyz, thrust))
+        return self._queue.popleft() if len(self._queue) > self._steps else self._queue[0]
+
+
+class _AngleDelays:
+    """Set-points whose roll, pitch and yaw each come out after a delay of their own."""
+
+    def __init__(self, delays_s: Vector, dt_s: float) -> None:
+        self._steps = [round(delay_s / dt_s) for delay_s in delays_s]
+        self._queues: tuple[deque[float], ...] = (deque(), deque(), deque())
+
+    def through(self, q_wxyz: Quaternion) -> Quaternion:
+        late = []
+        for angle, queue, steps in zip(quadrotor.euler(*q_wxyz), self._queues, self._steps, strict=True):
+            queue.append(angle)
+            late.append(queue.popleft() if len(queue) > steps else queue[0])
+        return quadrotor.quaternion(*late)
+
+
+class Rig:
+    """The ANT-X rig: north along the guide, pitch free, everything else held.
+
+    Attributes: `push_m_s2`, a force along the guide over the mass. Wind does not reach it.
+    """
+
+    can_fly = False
+
+    def __init__(self, params: rig.RigParams, hover_thrust: float, delay_s: float = 0.0, dt_s: float = 1e-3) -> None:
+        self.hover_thrust = hover_thrust
+        self.thrust_share = 1.0
+        self.effects = quadrotor.CALM
+        self.push_m_s2 = 0.0
+        self._params = params
+        self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
+        self._delay = _Delay(delay_s, dt_s)
+        self._thrust_ratio = 0.0
+
+    @property
+    def state(self) -> VehicleState:
+        s = self._state
+        half = 0.5 * s.pitch_rad
+        return VehicleState(
+            (s.position_m, 0.0, 0.0),
+            (s.velocity_m_s, 0.0, 0.0),
+            (math.cos(half), 0.0, math.sin(half), 0.0),
+            (0.0, s.pitch_rate_rad_s, 0.0),
+            (0.0, 0.0, -GRAVITY_M_S2 * self._thrust_ratio),
+        )
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        """Only the pitch of the set-point reaches the rig. Without thrust nothing turns it: it stays as it is."""
+        (w, x, y, z), thrust = self._delay.through(q_wxyz, thrust)
+        self._thrust_ratio = self.thrust_share * thrust / self.hover_thrust
+        if thrust <= 0.0:
+            self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0)
+            return
+        pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
+        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s, self.push_m_s2)
+
+    def on_ground(self) -> bool:
+        return False
+
+
+class Quadrotor:
+    """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it.
+
+    Args: `thrust_factor`, thrust at a set-point over what `hover_thrust` and the mass of the config imply;
+    `angle_delays_s`, of roll, pitch and yaw, on top of `delay_s`.
+    """
+
+    can_fly = True
+
+    def __init__(
+        self,
+        params: quadrotor.QuadrotorParams,
+        hover_thrust: float,
+        delay_s: float = 0.0,
+        dt_s: float = 1e-3,
+        thrust_factor: float = 1.0,
+        angle_delays_s: Vector = (0.0, 0.0, 0.0),
+    ) -> None:
+        self.hover_thrust = hover_thrust
+        self.thrust_share = 1.0
+        self.effects = quadrotor.CALM
+        self._params = params
+        self._full_thrust_n = thrust_factor * params.mass_kg * GRAVITY_M_S2 / hover_thrust
+        self._thrust_n = 0.0
+        rest = RateState(0.0, 0.0)
+        self._state = quadrotor.QuadrotorState(
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rest, rest, rest
+        )
+        self._delay = _Delay(delay_s, dt_s)
+        self._angle_delays = _AngleDelays(angle_delays_s, dt_s) if any(angle_delays_s) else None
+
+    @property
+    def state(self) -> VehicleState:
+        s = self._state
+        return VehicleState(
+            (s.x_m, s.y_m, s.z_m),
+            (s.vx_m_s, s.vy_m_s, s.vz_m_s),
+            (s.qw, s.qx, s.qy, s.qz),
+            (s.p_rad_s, s.q_rad_s, s.r_rad_s),
+            (0.0, 0.0, -self._thrust_n / self._params.mass_kg),
+        )
+
+    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+        q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
+        if self._angle_delays is not None:
+            q_wxyz = self._angle_delays.through(q_wxyz)
+        self._thrust_n = thrust * self.thrust_share * self._full_thrust_n
+        if self.on_ground():
+            if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:
+                self._rest()
+                return
+            _, _, yaw = quadrotor.euler(*q_wxyz)
+            q_wxyz = quadrotor.quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
+        self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s, self.effects)
+        if self._state.z_m > 0.0:
+            self._state = self._state._replace(z_m=0.0)
+            self._rest()
+
+    def lift_to(self, z_m: float) -> None:
+        """Put it into the air, level and at rest, so that a flight need not begin with a take-off."""
+        self._rest()
+        self._state = self._state._replace(z_m=z_m)
+
+    def _rest(self) -> None:
+        s = self._state
+        _, _, yaw = quadrotor.euler(s.qw, s.qx, s.qy, s.qz)
+        qw, qx, qy, qz = quadrotor.quaternion(0.0, 0.0, yaw)
+        rest = RateState(0.0, 0.0)
+        self._state = quadrotor.QuadrotorState(
+            s.x_m, s.y_m, s.z_m, 0.0, 0.0, 0.0, qw, qx, qy, qz, 0.0, 0.0, 0.0, rest, rest, rest
+        )
+
+    def on_ground(self) -> bool:
+        return self._state.z_m >= -1e-4

@@ -1,0 +1,1 @@
+"""The plant's wires: sockets, serial lines, what a radio does to frames, and the clocks."""

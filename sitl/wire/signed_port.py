@@ -1,0 +1,46 @@
+"""A wire on which every frame is signed, as PX4 has all of its once a key is on its card."""
+
+from __future__ import annotations
+
+from companion.mavlink.codec import FrameParser
+from companion.mavlink.signing import Signing
+from sitl.wire.ports import Port
+
+
+class SignedPort:
+    """Wraps a port: signs what goes out, and lets through only whole frames that are signed by the same key."""
+
+    def __init__(self, port: Port, key: bytes) -> None:
+        self._port = port
+        self._parser = FrameParser(stream=port.stream)
+        self._signing = Signing(key, link_id=1)
+        self.stream = False
+
+    @property
+    def connected(self) -> bool:
+        return self._port.connected
+
+    @property
+    def number(self) -> int:
+        return self._port.number
+
+    def fileno(self) -> int:
+        return self._port.fileno()
+
+    def receive(self) -> bytes:
+        while data := self._port.receive():
+            if believed := self._believed(data):
+                return believed
+        return b""
+
+    def receive_waiting(self) -> bytes:
+        return self._believed(self._port.receive_waiting())
+
+    def send(self, frames: list[bytes]) -> None:
+        self._port.send([self._signing.sign(frame) for frame in frames])
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _believed(self, data: bytes) -> bytes:
+        return b"".join(frame.raw for frame in self._parser.feed(data) if self._signing.verify(frame))

@@ -1,0 +1,166 @@
+"""The estimator between the truth and everybody: noise, delay, drift, resets, freezes, and numbers that are none.
+
+Without it the autopilot believes the truth. With it, autopilot and companion alike see what it says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from itertools import pairwise
+from random import Random
+from typing import Final, NamedTuple
+
+from sitl.vehicles.quadrotor import euler, quaternion
+from sitl.vehicles.vehicle import Quaternion, Vector, VehicleState
+
+_STILL: Final = (0.0, 0.0, 0.0)
+_FORGET_S: Final = 1.0  # time in which a jump of the velocity estimate converges back to the truth
+_LONGEST_DELAY_S: Final = 1.0
+
+
+class Noise(NamedTuple):
+    """Standard deviations per axis, first-order Markov with one correlation time."""
+
+    position_m: float = 0.0
+    velocity_m_s: float = 0.0
+    attitude_rad: float = 0.0
+    correlation_s: float = 0.5
+
+
+class Lag(NamedTuple):
+    """How old a state is reported as the present one: a delay, and a uniform random part on top of it."""
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+
+
+class Estimator:
+    """Reports the state of a vehicle, wrongly. Call it for the estimate now; the same instant gives the same answer.
+
+    Args: `truth` of now, `now_us` simulated time, `random` of its own.
+    Attributes: `frozen` repeats the last report; `not_a_number` puts NaN into the position; `drift_ned_m_s` moves the
+    reported position without touching the velocity; `yaw_offset_rad` and `offset_ned_m` of the report from the truth.
+    """
+
+    def __init__(
+        self,
+        truth: Callable[[], VehicleState],
+        now_us: Callable[[], int],
+        random: Random,
+        noise: Noise | None = None,
+        lag: Lag | None = None,
+    ) -> None:
+        self._truth = truth
+        self._now_us = now_us
+        self._random = random
+        self._past: deque[tuple[int, VehicleState]] = deque()
+        self._at_us = now_us()
+        self._report: VehicleState | None = None
+        self._noise_state = [0.0] * 9
+        self._velocity_offset = _STILL
+        self.noise = noise or Noise()
+        self.lag = lag or Lag()
+        self.offset_ned_m: Vector = _STILL
+        self.drift_ned_m_s: Vector = _STILL
+        self.yaw_offset_rad = 0.0
+        self.frozen = False
+        self.not_a_number = False
+
+    def jump(self, position_ned_m: Vector, velocity_ned_m_s: Vector = _STILL, yaw_rad: float = 0.0) -> None:
+        """The report moves at once; whoever calls also steps the reset counter, or does not."""
+        self.offset_ned_m = _add(self.offset_ned_m, position_ned_m)
+        self._velocity_offset = _add(self._velocity_offset, velocity_ned_m_s)
+        self.yaw_offset_rad += yaw_rad
+        self._report = None
+
+    def __call__(self) -> VehicleState:
+        now_us = self._now_us()
+        if self._report is not None and (self.frozen or now_us == self._at_us):
+            return self._report
+        dt_s = max(1e-6 * (now_us - self._at_us), 0.0)
+        self._at_us = now_us
+        self._move(dt_s)
+        self._report = self._reported(self._delayed(now_us), dt_s)
+        return self._report
+
+    def _move(self, dt_s: float) -> None:
+        if self.drift_ned_m_s != _STILL:
+            self.offset_ned_m = _add(self.offset_ned_m, _scaled(self.drift_ned_m_s, dt_s))
+        if self._velocity_offset != _STILL:
+            self._velocity_offset = _scaled(self._velocity_offset, math.exp(-dt_s / _FORGET_S))
+
+    def _delayed(self, now_us: int) -> VehicleState:
+        truth = self._truth()
+        if self.lag == Lag():
+            return truth
+        past = self._past
+        past.append((now_us, truth))
+        while len(past) > 2 and now_us - past[1][0] > 1e6 * _LONGEST_DELAY_S:
+            past.popleft()
+        age_s = self.lag.delay_s + self.lag.jitter_s * self._random.random()
+        wanted_us = now_us - min(age_s, _LONGEST_DELAY_S) * 1e6
+        for (later_us, later), (earlier_us, earlier) in pairwise(reversed(past)):
+            if earlier_us <= wanted_us:
+                return _between(earlier, later, (wanted_us - earlier_us) / (later_us - earlier_us))
+        return past[0][1]
+
+    def _reported(self, state: VehicleState, dt_s: float) -> VehicleState:
+        position, velocity, q_wxyz, rates, force = state
+        position = _add(position, self.offset_ned_m)
+        velocity = _add(velocity, self._velocity_offset)
+        if self.yaw_offset_rad:
+            q_wxyz = turned(q_wxyz, self.yaw_offset_rad)
+        if self.noise[:3] != _STILL:
+            position, velocity, q_wxyz = self._noisy(position, velocity, q_wxyz, dt_s)
+        if self.not_a_number:
+            position = (math.nan, math.nan, math.nan)
+        return VehicleState(position, velocity, q_wxyz, rates, force)
+
+    def _noisy(
+        self, position: Vector, velocity: Vector, q_wxyz: Quaternion, dt_s: float
+    ) -> tuple[Vector, Vector, Quaternion]:
+        noise, state, normal = self.noise, self._noise_state, self._random.gauss
+        decay = math.exp(-dt_s / noise.correlation_s)
+        drive = math.sqrt(1.0 - decay * decay)
+        for place, deviation in enumerate(
+            (*(noise.position_m,) * 3, *(noise.velocity_m_s,) * 3, *(noise.attitude_rad,) * 3)
+        ):
+            state[place] = decay * state[place] + deviation * drive * normal(0.0, 1.0)
+        roll, pitch, yaw = euler(*q_wxyz)
+        return (
+            (position[0] + state[0], position[1] + state[1], position[2] + state[2]),
+            (velocity[0] + state[3], velocity[1] + state[4], velocity[2] + state[5]),
+            quaternion(roll + state[6], pitch + state[7], yaw + state[8]),
+        )
+
+
+def turned(q_wxyz: Quaternion, yaw_rad: float) -> Quaternion:
+    """An attitude turned about the vertical."""
+    c, s = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    w, x, y, z = q_wxyz
+    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+
+
+def _between(a: VehicleState, b: VehicleState, share: float) -> VehicleState:
+    def mixed(p: Vector, q: Vector) -> Vector:
+        return (p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2]))
+
+    w, x, y, z = (p + share * (q - p) for p, q in zip(a.q_wxyz, b.q_wxyz, strict=True))
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    return VehicleState(
+        mixed(a.position_ned_m, b.position_ned_m),
+        mixed(a.velocity_ned_m_s, b.velocity_ned_m_s),
+        (w / norm, x / norm, y / norm, z / norm),
+        mixed(a.rates_frd_rad_s, b.rates_frd_rad_s),
+        b.specific_force_frd_m_s2,
+    )
+
+
+def _add(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    return factor * a[0], factor * a[1], factor * a[2]
