@@ -16,7 +16,7 @@ from companion.flight.readiness.certificate import uncovered, unwatched
 from companion.mavlink.guest import door_of
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
-from companion.mavlink.sharing import Door
+from companion.mavlink.sharing import ToolServer
 from companion.record.folder import new_folder, open_folder
 from companion.record.recorder import EVENT
 from companion.record.schema import pack_event
@@ -77,10 +77,10 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
 
 
-def _door(link: Link, speaker: Speaker) -> Door | None:
+def _door(link: Link, speaker: Speaker) -> ToolServer | None:
     """A door for `companion vehicle` and `companion logs`; without one the flight is none the worse."""
     try:
-        return Door(door_of(link.name), ON_A_LINE if link.stream else ON_A_NETWORK)
+        return ToolServer(door_of(link.name), ON_A_LINE if link.stream else ON_A_NETWORK)
     except LinkError as error:
         speaker.say(str(error))
         return None

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint
 from companion.control.reference_model import discretise
-from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
 
 
 class PositionParams(NamedTuple):
@@ -37,7 +37,7 @@ class PositionState(NamedTuple):
     hover: hover.HoverState
     anchor_x_m: float
     anchor_y_m: float
-    flown: Command  # the set-point on its way to the target; its yaw is the control frame's
+    flown: PositionSetpoint  # the set-point on its way to the target; its yaw is the control frame's
     force: tuple[float, float, float]  # flown over the last tick: specific force over g, control frame, positive up
     thrust: float  # normalised, over the last tick
     ease: ease.EaseState
@@ -117,7 +117,7 @@ def engage(
         hover.start(hover_thrust, odometry.vz_m_s),
         odometry.x_m,
         odometry.y_m,
-        Command(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
+        PositionSetpoint(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
         (wx, wy, size * upright),
         size * hover_thrust,
         ease.EaseState(wx + brake_x, wy + brake_y, 1.0 - up, ease.DURATION_S, False),
@@ -141,7 +141,7 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
         hover.shift(lift, jump.vz_m_s),
         anchor_x + jump.x_m,
         anchor_y + jump.y_m,
-        Command(flown.x_m + jump.x_m, flown.y_m + jump.y_m, flown.z_m + jump.z_m, yaw),
+        PositionSetpoint(flown.x_m + jump.x_m, flown.y_m + jump.y_m, flown.z_m + jump.z_m, yaw),
         force,
         thrust,
         ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
@@ -149,7 +149,7 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
 
 
 def step(
-    params: PositionParams, state: PositionState, odometry: Odometry, command: Command, dt_s: float
+    params: PositionParams, state: PositionState, odometry: Odometry, command: PositionSetpoint, dt_s: float
 ) -> tuple[PositionState, PositionOutput]:
     """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it."""
     params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation = params

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.control.types import Command
+from companion.control.types import PositionSetpoint
 
 
 class SetpointParams(NamedTuple):
@@ -21,7 +21,7 @@ def turn(from_rad: float, to_rad: float) -> float:
     return math.atan2(math.sin(between), math.cos(between))
 
 
-def advance(params: SetpointParams, flown: Command, target: Command, dt_s: float) -> Command:
+def advance(params: SetpointParams, flown: PositionSetpoint, target: PositionSetpoint, dt_s: float) -> PositionSetpoint:
     """The flown set-point one tick later; it arrives at the target exactly."""
     x, y, z, yaw = flown
     target_x, target_y, target_z, target_yaw = target
@@ -39,4 +39,4 @@ def advance(params: SetpointParams, flown: Command, target: Command, dt_s: float
             yaw = target_yaw
         else:
             yaw += yaw_rate * dt_s if between > 0.0 else -yaw_rate * dt_s
-    return Command(x, y, z, yaw)
+    return PositionSetpoint(x, y, z, yaw)

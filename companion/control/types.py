@@ -26,7 +26,7 @@ class Odometry(NamedTuple):
     qz: float
 
 
-class Command(NamedTuple):
+class PositionSetpoint(NamedTuple):
     """Where to go, in local NED."""
 
     x_m: float

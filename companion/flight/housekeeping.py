@@ -14,7 +14,7 @@ from companion.flight.host.runtime import Status
 from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
 from companion.flight.readiness.parameters import PARAM_VALUE
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.flight.vehicle_link.link_delay import INTERVAL_S, TIMESYNC
 from companion.mavlink import px4
@@ -32,7 +32,7 @@ class Housekeeping:
 
     def __init__(
         self,
-        flight: Flight,
+        flight: Session,
         engagement: Engagement | None,
         notifier: Notifier | None,
         on_status: Callable[[Status], None] | None,

@@ -19,16 +19,16 @@ from companion.flight.host.service import Notifier
 from companion.flight.housekeeping import Housekeeping
 from companion.flight.readiness.engage import Engagement, plan
 from companion.flight.release import let_go
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.steering import LiveCommands
 from companion.flight.ticks import Ticks
-from companion.flight.tool_access import Guests
+from companion.flight.tool_access import ToolAccess
 from companion.flight.transitions import Changes, ending, taken_by_failsafe
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY
 from companion.flight.vehicle_link.port import CURRENT_MODE, HEARTBEAT
 from companion.mavlink.codec import Frame
 from companion.mavlink.link import Link, LinkError
-from companion.mavlink.sharing import Door
+from companion.mavlink.sharing import ToolServer
 from companion.record.recorder import Recorder
 
 _POSE = frozenset({ODOMETRY.message_id, ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id})
@@ -56,13 +56,13 @@ class FlightProcess:
         lockstep: bool = False,
         warning: str | None = None,
         uncertified: bool = False,
-        door: Door | None = None,
+        door: ToolServer | None = None,
         notifier: Notifier | None = None,
         on_status: Callable[[Status], None] | None = None,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
         hedging = config.controller.hedging if hedging is None else hedging
-        self._flight = flight = Flight(
+        self._flight = flight = Session(
             config, link, recorder, hedging=hedging, lockstep=lockstep, uncertified=uncertified, say=say
         )
         self._port, self._pilot, self._pose = flight.port, flight.pilot, flight.pose
@@ -70,7 +70,7 @@ class FlightProcess:
         self._lockstep = lockstep
         self._warning = warning
         self._notifier = notifier
-        self._guests = None if door is None else Guests(flight, door)
+        self._guests = None if door is None else ToolAccess(flight, door)
         self._changes = Changes(flight, warning)
         steps = plan(*flight.ids, can_fly=config.vehicle.kind == "quadrotor")
         self._keeping = Housekeeping(flight, Engagement(steps) if engage else None, notifier, on_status)

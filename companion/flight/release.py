@@ -14,7 +14,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.flight.authority import states as authority
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.vehicle_link.ground_station import system_status
 from companion.flight.vehicle_link.port import CURRENT_MODE, HEARTBEAT, Port
 from companion.mavlink import px4
@@ -62,7 +62,7 @@ class HandOver:
         return self._request
 
 
-def let_go(flight: Flight, take: Callable[[Frame], None]) -> None:
+def let_go(flight: Session, take: Callable[[Frame], None]) -> None:
     """Ask for the configured mode, unless somebody else has control. `take` answers the plant in lockstep."""
     if not flight.streamed:
         return
@@ -90,7 +90,7 @@ def let_go(flight: Flight, take: Callable[[Frame], None]) -> None:
                 take(frame)  # the plant's time moves only when it is answered
 
 
-def _hear_who(flight: Flight) -> None:
+def _hear_who(flight: Session) -> None:
     """A heartbeat tells that the mode has changed; who changed it, the next CURRENT_MODE does. Nothing is sent."""
     until_s = time.monotonic() + _WHO_S
     while flight.port.intended_mode is None and not flight.lockstep and time.monotonic() < until_s:

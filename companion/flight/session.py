@@ -24,7 +24,7 @@ from companion.record.recorder import EVENT, Recorder
 from companion.record.schema import pack_event
 
 
-class Flight:
+class Session:
     """One flight's state. Every attribute has one writer, but `fault`, which anybody may raise.
 
     Attributes, besides the parts: `state`, `reason` and `detail` of authority; `fault`, why control is to end;

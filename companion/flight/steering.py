@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from companion.flight.authority.states import State
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.vehicle_link import live_command as steer
 from companion.mavlink.codec import Frame
 
@@ -11,7 +11,7 @@ from companion.mavlink.codec import Frame
 class LiveCommands:
     """Takes what the port has put aside for us."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Session) -> None:
         self._flight = flight
         self._own = (flight.config.link.system_id, flight.config.link.component_id)
         self._fence = flight.config.guards.fence

@@ -14,7 +14,7 @@ from companion.flight.authority.states import Reason, State
 from companion.flight.guards import table as guards
 from companion.flight.housekeeping import Housekeeping
 from companion.flight.pilot.pilot import record_standby
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.transitions import Changes
 from companion.mavlink.px4 import Mode
 from companion.record.recorder import TICK
@@ -28,7 +28,7 @@ _LARGEST_STEP_S: Final = 1.0  # between two samples of one clock, where no guard
 class Ticks:
     """Takes the samples of a flight, in order. In lockstep time is the samples' own, and every one is answered."""
 
-    def __init__(self, flight: Flight, changes: Changes, keeping: Housekeeping) -> None:
+    def __init__(self, flight: Session, changes: Changes, keeping: Housekeeping) -> None:
         self._flight, self._changes, self._keeping = flight, changes, keeping
         self._port, self._pilot, self._pose, self._watch = flight.port, flight.pilot, flight.pose, flight.watch
         self._lockstep = flight.lockstep

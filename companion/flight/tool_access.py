@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.mavlink.codec import Frame
-from companion.mavlink.sharing import Door
+from companion.mavlink.sharing import ToolServer
 
 _LOOK_S: Final = 0.1  # between two looks at the door while nobody is in
 
 
-class Guests:
+class ToolAccess:
     """Looks after the door, once a turn of the loop and after the set-point is out."""
 
-    def __init__(self, flight: Flight, door: Door) -> None:
+    def __init__(self, flight: Session, door: ToolServer) -> None:
         self._flight = flight
-        self._door: Door | None = door
+        self._door: ToolServer | None = door
         self._look_s = 0.0
 
     def turn(self, frames: Iterable[Frame]) -> None:

@@ -9,7 +9,7 @@ from companion.flight.authority import states as authority
 from companion.flight.authority.states import Known, Reason, State
 from companion.flight.guards import estimator
 from companion.flight.guards import table as guards
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.flight.vehicle_link.port import CURRENT_MODE, HEARTBEAT
 from companion.mavlink import px4
 from companion.mavlink.codec import Frame
@@ -25,7 +25,7 @@ class Changes:
     `warning`: why the flight is not certified; told to the ground station at stand-by.
     """
 
-    def __init__(self, flight: Flight, warning: str | None) -> None:
+    def __init__(self, flight: Session, warning: str | None) -> None:
         self._flight = flight
         self._warning = warning
         self._checking_since_s = 0.0
@@ -168,12 +168,12 @@ class Changes:
             flight.say(line)
 
 
-def taken_by_failsafe(flight: Flight) -> bool:
+def taken_by_failsafe(flight: Session) -> bool:
     """Whether OFFBOARD was taken by a failsafe of the vehicle's own: it is still what the vehicle was told to fly."""
     return flight.reason is Reason.MODE_CHANGED and flight.port.intended_mode == Mode.OFFBOARD
 
 
-def ending(flight: Flight) -> str:
+def ending(flight: Session) -> str:
     """How the flight ended, for a person."""
     if taken_by_failsafe(flight):
         return f"a failsafe of the vehicle took OFFBOARD away and flies {mode_name(flight.port.mode)}"

@@ -108,7 +108,7 @@ class _LogRequest(NamedTuple):
         return frame, None if end else self._replace(sequence=self.sequence + 1 & 255, values=left)
 
 
-class Door:
+class ToolServer:
     """The flying process's side. `pace`: of the bursts in which a log is asked for.
 
     Attributes: `attached` whether a guest is there; `refused` frames of his.

@@ -13,12 +13,12 @@ from typing import Final, NamedTuple
 
 from companion.mavlink.px4 import Result
 from sitl.autopilot.commander import Commander
-from sitl.autopilot.commands import CUSTOM_MODE_ENABLED, Command, Requests
-from sitl.autopilot.modes import AUTO_MODES, STICK_MODES, LandedState, Mode, Severity
+from sitl.autopilot.commands import CUSTOM_MODE_ENABLED, Requests, VehicleCommand
+from sitl.autopilot.modes import AUTO_MODES, STICK_MODES, FlightMode, LandedState, Severity
 from sitl.autopilot.navigator import Home, Navigator
 from sitl.autopilot.parameters import Parameters
 from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
-from sitl.autopilot.request_faults import Obedience
+from sitl.autopilot.request_faults import RequestFaults
 from sitl.vehicles.vehicle import Quadrotor, Vehicle, VehicleState
 from sitl.world.estimator import turned
 from sitl.world.estimator_status import NOMINAL
@@ -70,7 +70,7 @@ class Autopilot:
         self.heading_error_rad = 0.0
         self.health = NOMINAL
         self.stamp_us: Callable[[int], int] | None = None
-        self.obedience: Obedience | None = None
+        self.obedience: RequestFaults | None = None
         self.on_control: Callable[[int], None] | None = None
         self.on_setpoint: Callable[[tuple[float, float, float, float], float, int], None] | None = None
         self.commander = Commander(self.parameters, vehicle.can_fly, self._notify)
@@ -113,18 +113,18 @@ class Autopilot:
                 commander.request(late, self.time_us)
         self._detect_landing()
         commander.update(self.time_us)
-        if not commander.armed or commander.mode is Mode.TERMINATION or commander.killed:
+        if not commander.armed or commander.mode is FlightMode.TERMINATION or commander.killed:
             self.follow_mode()
             self.setpoint = AttitudeThrust(self.setpoint.q_wxyz, 0.0)
             return
         self.follow_mode()
-        if self.navigator.takeoff_reached and commander.mode is Mode.TAKEOFF:
-            commander.request(Mode.HOLD, self.time_us, force=True)
+        if self.navigator.takeoff_reached and commander.mode is FlightMode.TAKEOFF:
+            commander.request(FlightMode.HOLD, self.time_us, force=True)
             self.follow_mode()
         mode = commander.mode
-        if mode is Mode.OFFBOARD:
+        if mode is FlightMode.OFFBOARD:
             return  # the last set-point stands until another comes or COM_OF_LOSS_T has passed
-        if mode in STICK_MODES and mode is not Mode.POSCTL:
+        if mode in STICK_MODES and mode is not FlightMode.POSCTL:
             level = attitude_from_acceleration(0.0, 0.0, 0.0, self.navigator.yaw_rad)
             self.setpoint = AttitudeThrust(level, 0.0 if commander.landed else vehicle.hover_thrust)
             return
@@ -140,7 +140,7 @@ class Autopilot:
     def _detect_landing(self) -> None:
         commander, now = self.commander, self.time_us
         if not self.vehicle.can_fly:  # a rig counts as flying while its motors carry it
-            commander.landed = not commander.armed or commander.mode is Mode.LAND
+            commander.landed = not commander.armed or commander.mode is FlightMode.LAND
             return
         if not self.vehicle.on_ground():
             if commander.landed and commander.armed:
@@ -166,8 +166,8 @@ class Autopilot:
         if isinstance(self.vehicle, Quadrotor):
             self.home = Home(self.vehicle.state.position_ned_m, self.vehicle.state.q_wxyz, now_us)
             self.vehicle.lift_to(-altitude_m)
-        self._flying_mode = Mode.HOLD
-        self.navigator.enter(Mode.HOLD, self.estimate(), self.home, self.time_us)
+        self._flying_mode = FlightMode.HOLD
+        self.navigator.enter(FlightMode.HOLD, self.estimate(), self.home, self.time_us)
         self.advance(now_us)
 
     # --- what it tells ----------------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ class Autopilot:
         """EXTENDED_SYS_STATE.landed_state."""
         if self.commander.landed:
             return LandedState.ON_GROUND
-        if self.commander.mode is Mode.TAKEOFF:
+        if self.commander.mode is FlightMode.TAKEOFF:
             return LandedState.TAKEOFF
         return LandedState.LANDING if self.navigator.landing else LandedState.IN_AIR
 
@@ -190,13 +190,13 @@ class Autopilot:
             return flags | 4 | 8 | 16
         if mode in STICK_MODES:
             return flags | 16 | 64
-        return flags | 16 if mode is Mode.OFFBOARD else flags
+        return flags | 16 if mode is FlightMode.OFFBOARD else flags
 
     @property
     def system_status(self) -> int:
         """HEARTBEAT.system_status (MAV_STATE)."""
         commander = self.commander
-        if commander.mode is Mode.TERMINATION or commander.killed:
+        if commander.mode is FlightMode.TERMINATION or commander.killed:
             return 8
         if commander.armed:
             return 5 if commander.failsafe else 4
@@ -220,9 +220,9 @@ class Autopilot:
             return
         commander = self.commander
         commander.setpoint_arrived(self.time_us)
-        if commander.user_mode is Mode.OFFBOARD and commander.mode is not Mode.OFFBOARD:
+        if commander.user_mode is FlightMode.OFFBOARD and commander.mode is not FlightMode.OFFBOARD:
             commander.update(self.time_us)  # the stream is back: OFFBOARD again, from whatever the failsafe flew
-        if not attitude or commander.mode is not Mode.OFFBOARD or not commander.armed or commander.killed:
+        if not attitude or commander.mode is not FlightMode.OFFBOARD or not commander.armed or commander.killed:
             return
         if type_mask & (THROTTLE_IGNORE | THRUST_BODY_SET):
             thrust = 0.0
@@ -234,7 +234,7 @@ class Autopilot:
         thrust = 0.0 if thrust < 0.0 else min(thrust, 1.0)  # what motors can do
         self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
 
-    def on_command(self, command: Command) -> tuple[Result, ...]:
+    def on_command(self, command: VehicleCommand) -> tuple[Result, ...]:
         """Execute a command; every answer PX4 sends, in order."""
         return self._requests.execute(command)
 
@@ -242,7 +242,7 @@ class Autopilot:
         """The decision on DO_SET_MODE, and on the SET_MODE message."""
         return self._requests.set_mode(base_mode, main_mode, sub_mode)
 
-    def switch(self, mode: Mode, *, force: bool = False) -> Result:
+    def switch(self, mode: FlightMode, *, force: bool = False) -> Result:
         """A request for a mode, whoever makes it."""
         return self._requests.switch(mode, force=force)
 

@@ -10,27 +10,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from sitl.autopilot.modes import PREVENT_ARMING, STICK_MODES, Mode, Severity
+from sitl.autopilot.modes import PREVENT_ARMING, STICK_MODES, FlightMode, Severity
 from sitl.autopilot.parameters import ManualLossAction, OffboardLossAction, Parameters
 
 Notify = Callable[[Severity, str], None]
 
 KILL_DISARM_US: Final = 5_000_000
 
-_OFFBOARD_LOSS_MODE: dict[int, Mode] = {
-    OffboardLossAction.POSITION: Mode.POSCTL,
-    OffboardLossAction.ALTITUDE: Mode.ALTCTL,
-    OffboardLossAction.STABILIZED: Mode.STABILIZED,
-    OffboardLossAction.RETURN: Mode.RTL,
-    OffboardLossAction.LAND: Mode.LAND,
-    OffboardLossAction.HOLD: Mode.HOLD,
-    OffboardLossAction.TERMINATE: Mode.TERMINATION,
+_OFFBOARD_LOSS_MODE: dict[int, FlightMode] = {
+    OffboardLossAction.POSITION: FlightMode.POSCTL,
+    OffboardLossAction.ALTITUDE: FlightMode.ALTCTL,
+    OffboardLossAction.STABILIZED: FlightMode.STABILIZED,
+    OffboardLossAction.RETURN: FlightMode.RTL,
+    OffboardLossAction.LAND: FlightMode.LAND,
+    OffboardLossAction.HOLD: FlightMode.HOLD,
+    OffboardLossAction.TERMINATE: FlightMode.TERMINATION,
 }
-_MANUAL_LOSS_MODE: dict[int, Mode] = {
-    ManualLossAction.HOLD: Mode.HOLD,
-    ManualLossAction.RETURN: Mode.RTL,
-    ManualLossAction.LAND: Mode.LAND,
-    ManualLossAction.TERMINATE: Mode.TERMINATION,
+_MANUAL_LOSS_MODE: dict[int, FlightMode] = {
+    ManualLossAction.HOLD: FlightMode.HOLD,
+    ManualLossAction.RETURN: FlightMode.RTL,
+    ManualLossAction.LAND: FlightMode.LAND,
+    ManualLossAction.TERMINATE: FlightMode.TERMINATION,
 }
 
 
@@ -53,18 +53,18 @@ class Commander:
         self._can_fly = can_fly
         self._notify = notify
         self.armed = False
-        self.user_mode = Mode.HOLD
-        self.mode = Mode.HOLD
+        self.user_mode = FlightMode.HOLD
+        self.mode = FlightMode.HOLD
         self.failsafe = False
         self.landed = True
         self.manual_control = False
         self.position_valid = True
         self.killed = False
-        self.forced_failsafe: Mode | None = None
+        self.forced_failsafe: FlightMode | None = None
         self._killed_at_us = 0
         self.armed_at_us = 0
         self.has_taken_off = False
-        self._mode_after_disarming = Mode.HOLD
+        self._mode_after_disarming = FlightMode.HOLD
         self._setpoint_at_us: int | None = None
         self._landed_at_us: int | None = None
 
@@ -76,17 +76,17 @@ class Commander:
             return False
         return now_us < self._setpoint_at_us + int(1e6 * self._parameters.number("COM_OF_LOSS_T"))
 
-    def can_run(self, mode: Mode, now_us: int) -> bool:
+    def can_run(self, mode: FlightMode, now_us: int) -> bool:
         """Whether a mode has what it needs."""
-        if mode is Mode.OFFBOARD:
+        if mode is FlightMode.OFFBOARD:
             return self.offboard_signal(now_us)
         if mode in STICK_MODES:
             return self.manual_control
-        if mode is Mode.MISSION:
+        if mode is FlightMode.MISSION:
             return False  # the plant holds no mission
-        if mode in (Mode.TAKEOFF, Mode.RTL):
+        if mode in (FlightMode.TAKEOFF, FlightMode.RTL):
             return self._can_fly and self.position_valid
-        return mode is not Mode.HOLD or self.position_valid
+        return mode is not FlightMode.HOLD or self.position_valid
 
     def can_arm(self, now_us: int) -> bool:
         """Whether arming in the present mode would pass the checks."""
@@ -98,16 +98,16 @@ class Commander:
         """An OFFBOARD set-point has come. It is the arrival that counts, not the time stamp in it."""
         self._setpoint_at_us = now_us
 
-    def request(self, mode: Mode, now_us: int, *, force: bool = False) -> bool:
+    def request(self, mode: FlightMode, now_us: int, *, force: bool = False) -> bool:
         """Ask for a mode; whether it was granted. A disarmed vehicle grants all but what it can never do."""
-        impossible = not self._can_fly and mode in (Mode.TAKEOFF, Mode.RTL)
+        impossible = not self._can_fly and mode in (FlightMode.TAKEOFF, FlightMode.RTL)
         denied = impossible or not (force or not self.armed or self.can_run(mode, now_us))
-        if denied or self.mode is Mode.TERMINATION:
+        if denied or self.mode is FlightMode.TERMINATION:
             self._notify(Severity.CRITICAL, f"Mode {mode.name} not available")
             return False
         self.user_mode = mode
         self.forced_failsafe = None
-        if (mode not in PREVENT_ARMING and mode is not Mode.TAKEOFF) or mode is Mode.TERMINATION:
+        if (mode not in PREVENT_ARMING and mode is not FlightMode.TAKEOFF) or mode is FlightMode.TERMINATION:
             self._mode_after_disarming = mode
         self.update(now_us)
         return True
@@ -151,7 +151,7 @@ class Commander:
         self.armed = self.has_taken_off = True
         self.landed = False
         self.armed_at_us = now_us
-        self.user_mode = self.mode = Mode.HOLD
+        self.user_mode = self.mode = FlightMode.HOLD
 
     # --- what follows -----------------------------------------------------------------------------------------------
 
@@ -167,31 +167,31 @@ class Commander:
                 return
             self._auto_disarm(now_us)
 
-    def _decide(self, now_us: int) -> tuple[Mode, bool]:
-        if self.mode is Mode.TERMINATION or self.user_mode is Mode.TERMINATION:
-            return Mode.TERMINATION, False
+    def _decide(self, now_us: int) -> tuple[FlightMode, bool]:
+        if self.mode is FlightMode.TERMINATION or self.user_mode is FlightMode.TERMINATION:
+            return FlightMode.TERMINATION, False
         user = self.user_mode
         if self.armed and self.forced_failsafe is not None:
             return self._achievable(self.forced_failsafe), True
         if not self.armed or self.can_run(user, now_us):
             return user, False
-        if user is Mode.OFFBOARD:
+        if user is FlightMode.OFFBOARD:
             return self._offboard_loss()
         if user in STICK_MODES:
             return self._manual_loss()
-        return self._achievable(Mode.RTL if user is not Mode.LAND else Mode.LAND), True
+        return self._achievable(FlightMode.RTL if user is not FlightMode.LAND else FlightMode.LAND), True
 
-    def _offboard_loss(self) -> tuple[Mode, bool]:
+    def _offboard_loss(self) -> tuple[FlightMode, bool]:
         action = self._parameters.integer("COM_OBL_RC_ACT")
         if action == OffboardLossAction.DISARM:
             self._failsafe_disarm()
             return self.user_mode, False
-        mode = _OFFBOARD_LOSS_MODE.get(action, Mode.POSCTL)
+        mode = _OFFBOARD_LOSS_MODE.get(action, FlightMode.POSCTL)
         if mode in STICK_MODES and not self.manual_control:
             return self._manual_loss()
         return self._achievable(mode), True
 
-    def _manual_loss(self) -> tuple[Mode, bool]:
+    def _manual_loss(self) -> tuple[FlightMode, bool]:
         action = self._parameters.integer("NAV_RCL_ACT")
         if action == ManualLossAction.DISARM:
             self._failsafe_disarm()
@@ -201,11 +201,11 @@ class Commander:
             return self.user_mode, False  # disabled: fly on with what there is
         return self._achievable(mode), True
 
-    def _achievable(self, mode: Mode) -> Mode:
-        if mode is Mode.RTL and not self._can_fly:
-            return Mode.HOLD  # a rig has nowhere to return to
-        if mode in (Mode.RTL, Mode.HOLD) and not self.position_valid:
-            return Mode.LAND
+    def _achievable(self, mode: FlightMode) -> FlightMode:
+        if mode is FlightMode.RTL and not self._can_fly:
+            return FlightMode.HOLD  # a rig has nowhere to return to
+        if mode in (FlightMode.RTL, FlightMode.HOLD) and not self.position_valid:
+            return FlightMode.LAND
         return mode
 
     def _failsafe_disarm(self) -> None:

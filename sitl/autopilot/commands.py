@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from companion.mavlink.px4 import Result
 from sitl.autopilot.geodesy import GlobalPosition, to_local
-from sitl.autopilot.modes import Mode, from_main_sub
+from sitl.autopilot.modes import FlightMode, from_main_sub
 from sitl.autopilot.navigator import Home
 from sitl.autopilot.request_faults import Answer
 
@@ -19,7 +19,7 @@ FORCE: Final = 21196  # MAV_CMD_COMPONENT_ARM_DISARM, parameter 2
 CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG
 
 
-class Command(NamedTuple):
+class VehicleCommand(NamedTuple):
     """A MAV_CMD with its seven parameters; 5 and 6 in degrees where they are a place."""
 
     number: int
@@ -38,9 +38,9 @@ class Requests:
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
         self._takeoff_altitude_m: float | None = None
-        self._commands: dict[int, Callable[[Command], tuple[Result, ...]]] = {
-            20: lambda _: (self.switch(Mode.RTL),),
-            21: lambda _: (self.switch(Mode.LAND, force=True),),
+        self._commands: dict[int, Callable[[VehicleCommand], tuple[Result, ...]]] = {
+            20: lambda _: (self.switch(FlightMode.RTL),),
+            21: lambda _: (self.switch(FlightMode.LAND, force=True),),
             22: self._take_off,
             176: self._set_mode,
             179: self._set_home,
@@ -52,7 +52,7 @@ class Requests:
             401: lambda _: (Result.ACCEPTED,),
         }
 
-    def execute(self, command: Command) -> tuple[Result, ...]:
+    def execute(self, command: VehicleCommand) -> tuple[Result, ...]:
         """Execute a command; every answer PX4 sends, in order.
 
         DO_SET_MODE has two: the link says ACCEPTED before the commander decides.
@@ -68,14 +68,14 @@ class Requests:
     def set_mode(self, base_mode: int, main_mode: int, sub_mode: int) -> Result:
         """The decision on DO_SET_MODE, and on the SET_MODE message."""
         if not base_mode & CUSTOM_MODE_ENABLED:
-            mode: Mode | None = Mode.POSCTL if base_mode & 64 else None
+            mode: FlightMode | None = FlightMode.POSCTL if base_mode & 64 else None
         else:
             mode = from_main_sub(main_mode, sub_mode)
         if mode is None:
             return Result.TEMPORARILY_REJECTED
-        return self.switch(mode, force=mode is Mode.LAND)
+        return self.switch(mode, force=mode is FlightMode.LAND)
 
-    def switch(self, mode: Mode, *, force: bool = False) -> Result:
+    def switch(self, mode: FlightMode, *, force: bool = False) -> Result:
         """A request for a mode: taken as the autopilot's obedience has it, or else to its commander."""
         autopilot = self._autopilot
         if autopilot.obedience is not None:
@@ -85,16 +85,16 @@ class Requests:
         granted = autopilot.commander.request(mode, autopilot.time_us, force=force)
         return Result.ACCEPTED if granted else Result.TEMPORARILY_REJECTED
 
-    def _set_mode(self, command: Command) -> tuple[Result, ...]:
+    def _set_mode(self, command: VehicleCommand) -> tuple[Result, ...]:
         return Result.ACCEPTED, self.set_mode(_whole(command.p1), _whole(command.p2), _whole(command.p3))
 
-    def _take_off(self, command: Command) -> tuple[Result, ...]:
+    def _take_off(self, command: VehicleCommand) -> tuple[Result, ...]:
         if math.isfinite(command.p7) and command.p7 > 0.0:
             down = to_local(GlobalPosition(0.0, 0.0, command.p7))[2]
             self._takeoff_altitude_m = self._autopilot.home.position_ned_m[2] - down
-        return (self.switch(Mode.TAKEOFF),)
+        return (self.switch(FlightMode.TAKEOFF),)
 
-    def _arm_disarm(self, command: Command) -> tuple[Result, ...]:
+    def _arm_disarm(self, command: VehicleCommand) -> tuple[Result, ...]:
         now, force = self._autopilot.time_us, _whole(command.p2) == FORCE
         action = _whole(command.p1)
         if action == 1:
@@ -114,15 +114,15 @@ class Requests:
             return (Result.UNSUPPORTED,)
         return (Result.ACCEPTED if done else Result.TEMPORARILY_REJECTED,)
 
-    def _terminate(self, command: Command) -> tuple[Result, ...]:
+    def _terminate(self, command: VehicleCommand) -> tuple[Result, ...]:
         if command.p1 <= 0.5 or not self._autopilot.commander.armed:
             return (Result.DENIED,)
-        return (self.switch(Mode.TERMINATION, force=True),)
+        return (self.switch(FlightMode.TERMINATION, force=True),)
 
-    def _reposition(self, command: Command) -> tuple[Result, ...]:
+    def _reposition(self, command: VehicleCommand) -> tuple[Result, ...]:
         if _whole(command.p2) != 1:
             return (Result.UNSUPPORTED,)
-        result = self.switch(Mode.HOLD)
+        result = self.switch(FlightMode.HOLD)
         if result is Result.ACCEPTED:
             self._autopilot.follow_mode()
             here = self._autopilot.navigator.target_ned_m
@@ -133,7 +133,7 @@ class Requests:
             )
         return (result,)
 
-    def _set_home(self, command: Command) -> tuple[Result, ...]:
+    def _set_home(self, command: VehicleCommand) -> tuple[Result, ...]:
         position = self._autopilot.estimate().position_ned_m
         if command.p1 <= 0.5:
             position = to_local(GlobalPosition(command.p5, command.p6, command.p7))
@@ -142,10 +142,10 @@ class Requests:
         self._autopilot.home = Home(position, self._autopilot.estimate().q_wxyz, self._autopilot.time_us)
         return (Result.ACCEPTED,)
 
-    def _storage(self, _: Command) -> tuple[Result, ...]:
+    def _storage(self, _: VehicleCommand) -> tuple[Result, ...]:
         return (Result.TEMPORARILY_REJECTED if self._autopilot.commander.armed else Result.ACCEPTED,)
 
-    def _reboot(self, command: Command) -> tuple[Result, ...]:
+    def _reboot(self, command: VehicleCommand) -> tuple[Result, ...]:
         return (Result.ACCEPTED if _whole(command.p1) == 0 else Result.DENIED,)
 
 

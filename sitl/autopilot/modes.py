@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import Final
 
 
-class Mode(IntEnum):
+class FlightMode(IntEnum):
     """Flight modes that the plant knows, numbered as PX4's navigation state."""
 
     MANUAL = 0
@@ -44,56 +44,60 @@ class Severity(IntEnum):
     INFO = 6
 
 
-STICK_MODES: Final = frozenset({Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO, Mode.STABILIZED})
+STICK_MODES: Final = frozenset(
+    {FlightMode.MANUAL, FlightMode.ALTCTL, FlightMode.POSCTL, FlightMode.ACRO, FlightMode.STABILIZED}
+)
 """Modes that need a pilot's sticks."""
 
-AUTO_MODES: Final = frozenset({Mode.MISSION, Mode.HOLD, Mode.RTL, Mode.TAKEOFF, Mode.LAND})
+AUTO_MODES: Final = frozenset(
+    {FlightMode.MISSION, FlightMode.HOLD, FlightMode.RTL, FlightMode.TAKEOFF, FlightMode.LAND}
+)
 """Modes that the autopilot flies by itself."""
 
-PREVENT_ARMING: Final = frozenset({Mode.RTL, Mode.LAND, Mode.TERMINATION})
+PREVENT_ARMING: Final = frozenset({FlightMode.RTL, FlightMode.LAND, FlightMode.TERMINATION})
 """Modes in which PX4 refuses to arm (`ModeUtil/mode_requirements.cpp`)."""
 
 _MAIN_AUTO: Final = 4
-_MAIN_SUB: Final[dict[Mode, tuple[int, int]]] = {
-    Mode.MANUAL: (1, 0),
-    Mode.ALTCTL: (2, 0),
-    Mode.POSCTL: (3, 0),
-    Mode.TAKEOFF: (_MAIN_AUTO, 2),
-    Mode.HOLD: (_MAIN_AUTO, 3),
-    Mode.MISSION: (_MAIN_AUTO, 4),
-    Mode.RTL: (_MAIN_AUTO, 5),
-    Mode.LAND: (_MAIN_AUTO, 6),
-    Mode.ACRO: (5, 0),
-    Mode.OFFBOARD: (6, 0),
-    Mode.STABILIZED: (7, 0),
-    Mode.TERMINATION: (10, 0),
+_MAIN_SUB: Final[dict[FlightMode, tuple[int, int]]] = {
+    FlightMode.MANUAL: (1, 0),
+    FlightMode.ALTCTL: (2, 0),
+    FlightMode.POSCTL: (3, 0),
+    FlightMode.TAKEOFF: (_MAIN_AUTO, 2),
+    FlightMode.HOLD: (_MAIN_AUTO, 3),
+    FlightMode.MISSION: (_MAIN_AUTO, 4),
+    FlightMode.RTL: (_MAIN_AUTO, 5),
+    FlightMode.LAND: (_MAIN_AUTO, 6),
+    FlightMode.ACRO: (5, 0),
+    FlightMode.OFFBOARD: (6, 0),
+    FlightMode.STABILIZED: (7, 0),
+    FlightMode.TERMINATION: (10, 0),
 }
-_FROM_WIRE: Final = {wire: mode for mode, wire in _MAIN_SUB.items() if mode is not Mode.TERMINATION}
+_FROM_WIRE: Final = {wire: mode for mode, wire in _MAIN_SUB.items() if mode is not FlightMode.TERMINATION}
 _STANDARD: Final = {
-    Mode.POSCTL: 1,
-    Mode.ALTCTL: 4,
-    Mode.RTL: 5,
-    Mode.MISSION: 6,
-    Mode.LAND: 7,
-    Mode.TAKEOFF: 8,
+    FlightMode.POSCTL: 1,
+    FlightMode.ALTCTL: 4,
+    FlightMode.RTL: 5,
+    FlightMode.MISSION: 6,
+    FlightMode.LAND: 7,
+    FlightMode.TAKEOFF: 8,
 }
 
 
-def custom_mode(mode: Mode) -> int:
+def custom_mode(mode: FlightMode) -> int:
     """HEARTBEAT.custom_mode of a mode: main mode in the third byte, sub mode in the fourth."""
     main, sub = _MAIN_SUB[mode]
     return main << 16 | sub << 24
 
 
-def standard_mode(mode: Mode) -> int:
+def standard_mode(mode: FlightMode) -> int:
     """MAV_STANDARD_MODE of a mode; 0 (non-standard) for Hold and OFFBOARD, as PX4 reports them."""
     return _STANDARD.get(mode, 0)
 
 
-def from_main_sub(main: int, sub: int) -> Mode | None:
+def from_main_sub(main: int, sub: int) -> FlightMode | None:
     """The mode that DO_SET_MODE names by its parameters 2 and 3; `None` for one that the plant does not know."""
     if main == _MAIN_AUTO and sub == 0:
-        return Mode.MISSION
-    if main == _MAIN_SUB[Mode.POSCTL][0]:
-        return Mode.POSCTL
+        return FlightMode.MISSION
+    if main == _MAIN_SUB[FlightMode.POSCTL][0]:
+        return FlightMode.POSCTL
     return _FROM_WIRE.get((main, sub if main == _MAIN_AUTO else 0))

@@ -6,7 +6,7 @@ import math
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.autopilot.parameters import Parameters
 from sitl.autopilot.position_hold import AttitudeThrust, PositionHold, attitude_from_acceleration, yaw_of
 from sitl.vehicles.vehicle import VehicleState
@@ -41,7 +41,7 @@ class Navigator:
         self._parameters = parameters
         self._can_fly = can_fly
         self._hold = PositionHold(hover_thrust, parameters.number("MPC_THR_MIN"), parameters.number("MPC_THR_MAX"))
-        self._mode = Mode.HOLD
+        self._mode = FlightMode.HOLD
         self._return = _Return.LAND
         self._lift_off_us = 0
         self.takeoff_reached = False
@@ -51,11 +51,13 @@ class Navigator:
     @property
     def landing(self) -> bool:
         """Whether the vehicle is on its way to the ground."""
-        return self._mode is Mode.LAND or (self._mode is Mode.RTL and self._return is _Return.LAND)
+        return self._mode is FlightMode.LAND or (self._mode is FlightMode.RTL and self._return is _Return.LAND)
 
-    def enter(self, mode: Mode, state: VehicleState, home: Home, now_us: int, altitude_m: float | None = None) -> None:
+    def enter(
+        self, mode: FlightMode, state: VehicleState, home: Home, now_us: int, altitude_m: float | None = None
+    ) -> None:
         """A mode starts to fly. `altitude_m`: of a take-off, above the home position; by default MIS_TAKEOFF_ALT."""
-        keep_target = mode is Mode.HOLD and self._mode is Mode.TAKEOFF and self.takeoff_reached
+        keep_target = mode is FlightMode.HOLD and self._mode is FlightMode.TAKEOFF and self.takeoff_reached
         self._mode = mode
         if keep_target:
             return
@@ -63,12 +65,12 @@ class Navigator:
         self.target_ned_m = (x, y, z)
         self.yaw_rad = yaw_of(state.q_wxyz)
         self.takeoff_reached = False
-        if mode is Mode.TAKEOFF:
+        if mode is FlightMode.TAKEOFF:
             rise = home.position_ned_m[2] - altitude_m if altitude_m is not None else z - self._value("MIS_TAKEOFF_ALT")
             self.target_ned_m = (x, y, min(rise, z))
             self._lift_off_us = now_us
             self._hold.reset()
-        elif mode is Mode.RTL:
+        elif mode is FlightMode.RTL:
             self._start_return(state, home)
 
     def go_to(self, target_ned_m: Vector, yaw_rad: float | None) -> None:
@@ -83,17 +85,17 @@ class Navigator:
         """Attitude and thrust for the next `dt_s`."""
         if not self._can_fly:
             return self._step_rig(state, dt_s)
-        if self._mode is Mode.TAKEOFF:
+        if self._mode is FlightMode.TAKEOFF:
             return self._step_takeoff(state, now_us, dt_s, on_ground=on_ground, armed_at_us=armed_at_us)
         if on_ground:  # nothing but a take-off lifts off
             self._hold.reset()
             return AttitudeThrust(attitude_from_acceleration(0.0, 0.0, 0.0, self.yaw_rad), 0.0)
-        if self._mode is Mode.RTL:
+        if self._mode is FlightMode.RTL:
             self._advance_return(state, home)
         return self._fly(state, home, dt_s)
 
     def _step_rig(self, state: VehicleState, dt_s: float) -> AttitudeThrust:
-        if self._mode is Mode.LAND:
+        if self._mode is FlightMode.LAND:
             return AttitudeThrust(attitude_from_acceleration(0.0, 0.0, 0.0, self.yaw_rad), 0.0)
         return self._hold.step_on_guide(state, self.target_ned_m, self.yaw_rad, dt_s)
 

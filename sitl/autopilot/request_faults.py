@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum, auto
 from typing import NamedTuple
 
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 
 
 class Answer(Enum):
@@ -20,10 +20,10 @@ class Pending(NamedTuple):
     """A mode that is to follow."""
 
     due_us: int
-    mode: Mode
+    mode: FlightMode
 
 
-class Obedience:
+class RequestFaults:
     """What an autopilot does with requests that a healthy one would grant.
 
     Attributes: `answers` by mode, `arming` for arming; the rest is decided as ever. `late_us` of the late ones.
@@ -31,13 +31,13 @@ class Obedience:
     """
 
     def __init__(self) -> None:
-        self.answers: dict[Mode, Answer] = {}
+        self.answers: dict[FlightMode, Answer] = {}
         self.arming: Answer | None = None
         self.late_us = 1_000_000
-        self.requests: list[Mode] = []
+        self.requests: list[FlightMode] = []
         self._pending: list[Pending] = []
 
-    def asked(self, mode: Mode, now_us: int) -> Answer | None:
+    def asked(self, mode: FlightMode, now_us: int) -> Answer | None:
         """A request for a mode; what becomes of it, `None` where the commander is to decide."""
         self.requests.append(mode)
         answer = self.answers.get(mode)
@@ -45,7 +45,7 @@ class Obedience:
             self._pending.append(Pending(now_us + self.late_us, mode))
         return answer
 
-    def due(self, now_us: int) -> list[Mode]:
+    def due(self, now_us: int) -> list[FlightMode]:
         """The modes whose time has come."""
         due = [pending.mode for pending in self._pending if pending.due_us <= now_us]
         self._pending = [pending for pending in self._pending if pending.due_us > now_us]

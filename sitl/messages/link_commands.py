@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Frame
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.commands import Command
+from sitl.autopilot.commands import VehicleCommand
 from sitl.messages.streams import NEVER_US, Streams
 
 ANY: Final = 0
@@ -73,7 +73,7 @@ class Commands:
         self._take(frame, message, x, y, message.z)
 
     def _take(self, frame: Frame, message: Any, p5: float, p6: float, p7: float) -> None:
-        command = Command(
+        command = VehicleCommand(
             message.command, message.param1, message.param2, message.param3, message.param4, p5, p6, p7
         )  # fmt: skip
         to_any = command.number in _TO_ANY_COMPONENT and message.target_system in (self._link.address[0], ANY)
@@ -85,7 +85,7 @@ class Commands:
         for result in self._autopilot.on_command(command):
             self._acknowledge(frame, command.number, result)
 
-    def _link_command(self, command: Command) -> Result:
+    def _link_command(self, command: VehicleCommand) -> Result:
         if command.number == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return self._set_message_interval(command)
         if command.number == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
@@ -96,7 +96,7 @@ class Commands:
             return self._request(_number(command.p1))
         return self._request(_LEGACY_REQUESTS[command.number])
 
-    def _set_message_interval(self, command: Command) -> Result:
+    def _set_message_interval(self, command: VehicleCommand) -> Result:
         if any(_number(p) not in (0, -1) for p in (command.p3, command.p4, command.p7)):
             return Result.FAILED  # PX4 knows neither response targets nor the other parameters
         message_id = _number(command.p1)

@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.autopilot.modes import STICK_MODES, Mode, custom_mode
+from sitl.autopilot.modes import STICK_MODES, FlightMode, custom_mode
 from sitl.autopilot.request_faults import Answer
-from sitl.scenarios.run import Stage
+from sitl.scenarios.run import ScenarioRun
 from sitl.vehicles.vehicle import Vector
 
 _POSITION_AND_YAW: Final = 0x9F8  # POSITION_TARGET_TYPEMASK: velocity, acceleration and yaw rate ignored
@@ -18,53 +18,55 @@ _POSITION_AND_YAW: Final = 0x9F8  # POSITION_TARGET_TYPEMASK: velocity, accelera
 class PilotTakes(NamedTuple):
     """The pilot chooses a mode by switch; stick modes come with sticks."""
 
-    mode: Mode
+    mode: FlightMode
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         commander = stage.autopilot.commander
         commander.manual_control = commander.manual_control or self.mode in STICK_MODES
-        commander.request(self.mode, stage.autopilot.time_us, force=self.mode in (Mode.LAND, Mode.TERMINATION))
+        commander.request(
+            self.mode, stage.autopilot.time_us, force=self.mode in (FlightMode.LAND, FlightMode.TERMINATION)
+        )
         stage.autopilot.follow_mode()
 
 
 class PilotDisarms(NamedTuple):
     """The pilot disarms in the air."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.autopilot.commander.disarm(stage.autopilot.time_us, "pilot", force=True)
 
 
 class PilotKills(NamedTuple):
     """The kill switch: motors stop, the mode stays."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.autopilot.commander.kill(stage.autopilot.time_us)
 
 
 class FailSafe(NamedTuple):
     """PX4 takes over by itself, as for a low battery; OFFBOARD stays what the user intends."""
 
-    mode: Mode
+    mode: FlightMode
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.autopilot.commander.forced_failsafe = self.mode
 
 
 class Recover(NamedTuple):
     """PX4's own failsafe is over: what the user intends flies again."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.autopilot.commander.forced_failsafe = None
 
 
 class AnswerTo(NamedTuple):
     """From now on PX4 takes requests for a mode in its own way."""
 
-    mode: Mode
+    mode: FlightMode
     answer: Answer
     late_s: float = 1.0
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.obedience.answers[self.mode] = self.answer
         stage.obedience.late_us = round(1e6 * self.late_s)
 
@@ -74,16 +76,16 @@ class AnswerToArming(NamedTuple):
 
     answer: Answer
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.obedience.arming = self.answer
 
 
 class AlreadyInOffboard(NamedTuple):
     """The companion died in flight and comes back: OFFBOARD is intended, PX4's failsafe flies."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         autopilot = stage.autopilot
-        autopilot.commander.user_mode = Mode.OFFBOARD
+        autopilot.commander.user_mode = FlightMode.OFFBOARD
         autopilot.commander.update(autopilot.time_us)
         autopilot.follow_mode()
 
@@ -96,7 +98,7 @@ class Stall(NamedTuple):
 
     for_s: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         assert stage.companion is not None
         stage.companion.stall(self.for_s)
 
@@ -106,7 +108,7 @@ class Overrun(NamedTuple):
 
     for_s: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         assert stage.companion is not None
         stage.companion.overrun(self.for_s)
 
@@ -114,7 +116,7 @@ class Overrun(NamedTuple):
 class Unplug(NamedTuple):
     """The companion's end of the link is pulled."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         assert stage.companion is not None
         stage.companion.unplug()
 
@@ -122,7 +124,7 @@ class Unplug(NamedTuple):
 class OperatorStops(NamedTuple):
     """Ctrl-C."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         assert stage.companion is not None
         assert stage.process is not None
         stage.companion.before_next(stage.process.stop)
@@ -136,7 +138,7 @@ class Steer(NamedTuple):
     type_mask: int = _POSITION_AND_YAW
     frame: int = mavlink.MAV_FRAME_LOCAL_NED
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         start = stage.witness.start_ned_m
         place = [a + b for a, b in zip(start, self.offset_ned_m, strict=True)]
         system, component = stage.companion_ids
@@ -154,7 +156,7 @@ class SetParameter(NamedTuple):
     name: str
     value: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         message = mavlink.MAVLink_param_value_message(
             self.name.encode(), self.value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0
@@ -167,7 +169,7 @@ class Rival(NamedTuple):
 
     same_name: bool
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         system, component = stage.companion_ids if self.same_name else (42, 195)
         rival = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         level = [1.0, 0.0, 0.0, 0.0]
@@ -194,9 +196,9 @@ class Forge(NamedTuple):
     frames: int
     for_s: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         imposter = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-        hold = custom_mode(Mode.HOLD)
+        hold = custom_mode(FlightMode.HOLD)
 
         def forge(elapsed_s: float) -> None:
             for _ in range(self.frames if elapsed_s < self.for_s else 0):

@@ -20,7 +20,7 @@ from companion.record.folder import open_folder
 from companion.record.reader import read_flight
 from sitl.build import World, build_world
 from sitl.scenarios.catalogue.index import by_name
-from sitl.scenarios.run import Stage
+from sitl.scenarios.run import ScenarioRun
 from sitl.scenarios.scenario import Flown, Scenario
 from sitl.scenarios.verdict import problems, worst_error_m
 from sitl.scenarios.watched_link import WatchedLink
@@ -62,11 +62,11 @@ def fly(scenario: Scenario, bases: Bases, folder: Path) -> Flown:
     return Flown(scenario.name, scenario.reason.value, reason, error, tuple(found), time.monotonic() - began_s)
 
 
-def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple[Summary, Stage, str | None]:
+def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple[Summary, ScenarioRun, str | None]:
     world = build_world(config, complete=True)
     if scenario.airborne:
         world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
-    stage = Stage(
+    stage = ScenarioRun(
         world,
         scenario.happens,
         before=scenario.before,
@@ -95,7 +95,7 @@ def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple
 class _Plant:
     """A plant that runs in a thread. Attributes: `port` it listens on; `trouble`, one line, if it came to any."""
 
-    def __init__(self, world: World, stage: Stage, seat: WatchedLink, *, lockstep: bool) -> None:
+    def __init__(self, world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> None:
         self.port = 0
         self.trouble: str | None = None
         self.ready = threading.Event()
@@ -126,7 +126,7 @@ class _Plant:
 
 
 @contextlib.contextmanager
-def _flying(world: World, stage: Stage, seat: WatchedLink, *, lockstep: bool) -> Iterator[_Plant]:
+def _flying(world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> Iterator[_Plant]:
     """A plant, from when it listens until it has coasted after the companion's end."""
     plant = _Plant(world, stage, seat, lockstep=lockstep)
     thread = threading.Thread(target=plant.run, name="plant")

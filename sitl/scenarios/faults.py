@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from sitl.autopilot.position_hold import AttitudeThrust
-from sitl.scenarios.run import Stage
+from sitl.scenarios.run import ScenarioRun
 from sitl.vehicles.vehicle import Rig, Vector
 from sitl.wire.impairments import Channel, Impairments
 from sitl.world.environment import Wind
@@ -23,7 +23,7 @@ class Blow(NamedTuple):
 
     wind: Wind
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.environment.blow(self.wind)
 
 
@@ -34,7 +34,7 @@ class LoseMotor(NamedTuple):
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         environment = stage.environment
         environment.motors = self.thrust_share
         environment.roll_bias_rad = math.radians(self.roll_deg)
@@ -46,7 +46,7 @@ class Sag(NamedTuple):
 
     share_1_s: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.environment.sag_1_s = self.share_1_s
 
 
@@ -55,7 +55,7 @@ class Push(NamedTuple):
 
     acceleration_m_s2: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         assert isinstance(stage.autopilot.vehicle, Rig)
         stage.autopilot.vehicle.push_m_s2 = self.acceleration_m_s2
 
@@ -68,7 +68,7 @@ class GetNoisy(NamedTuple):
 
     noise: Noise
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.estimator.noise = self.noise
 
 
@@ -77,7 +77,7 @@ class LagBehind(NamedTuple):
 
     lag: Lag
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.estimator.lag = self.lag
 
 
@@ -87,7 +87,7 @@ class Drift(NamedTuple):
     rate_ned_m_s: Vector
     for_s: float = math.inf
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.estimator.drift_ned_m_s = self.rate_ned_m_s
         if math.isfinite(self.for_s):
             stage.later(self.for_s, lambda: setattr(stage.estimator, "drift_ned_m_s", _STILL))
@@ -104,7 +104,7 @@ class Jump(NamedTuple):
     yaw_deg: float = 0.0
     counted: bool = True
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         autopilot, yaw = stage.autopilot, math.radians(self.yaw_deg)
         stage.estimator.jump(self.position_ned_m, self.velocity_ned_m_s, yaw)
         if yaw:
@@ -120,7 +120,7 @@ class Freeze(NamedTuple):
 
     for_s: float = math.inf
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.estimator.frozen = True
         if math.isfinite(self.for_s):
             stage.later(self.for_s, lambda: setattr(stage.estimator, "frozen", False))
@@ -129,7 +129,7 @@ class Freeze(NamedTuple):
 class BecomeNaN(NamedTuple):
     """The position is no number."""
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.estimator.not_a_number = True
 
 
@@ -138,7 +138,7 @@ class LoseGps(NamedTuple):
 
     towards: tuple[float, float] = (0.7, -0.7)  # north, east
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         north, east = self.towards
         gone_m = 0.0
 
@@ -158,7 +158,7 @@ class Doubt(NamedTuple):
     flags: int = 895
     position_m2: float = 0.02
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.autopilot.health = stage.autopilot.health._replace(flags=self.flags, horizontal_m2=self.position_m2)
 
 
@@ -167,7 +167,7 @@ class JumpClock(NamedTuple):
 
     by_s: float
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         off_us = round(1e6 * self.by_s)
         stage.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
 
@@ -182,7 +182,7 @@ class Impair(NamedTuple):
     up: Impairments | None = None
     for_s: float = math.inf
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         for channel, impairments in ((stage.channels.down, self.down), (stage.channels.up, self.up)):
             if impairments is not None:
                 channel.impairments = impairments
@@ -197,7 +197,7 @@ class Mute(NamedTuple):
     for_s: float = math.inf
     upwards: bool = False
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         channel = stage.channels.up if self.upwards else stage.channels.down
         channel.muted.add(self.message_id)
         if math.isfinite(self.for_s):
@@ -210,5 +210,5 @@ class Thin(NamedTuple):
     message_id: int
     one_in: int
 
-    def happen(self, stage: Stage) -> None:
+    def happen(self, stage: ScenarioRun) -> None:
         stage.channels.down.keep_one_in[self.message_id] = self.one_in

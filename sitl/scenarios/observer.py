@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.vehicles.vehicle import Quaternion, Vector
 from sitl.world.estimator import turned
 
@@ -17,7 +17,7 @@ class Change(NamedTuple):
     """A change of what the autopilot does."""
 
     time_s: float
-    mode: Mode
+    mode: FlightMode
     armed: bool
 
 
@@ -35,7 +35,7 @@ class Account(NamedTuple):
     changes: list[Change]
 
 
-class Witness:
+class Observer:
     """Watches one autopilot. `see` it at every control step; `mark` an instant at which set-points must not step.
 
     Attributes: `engaged_us`, when OFFBOARD began; `start_ned_m`, where; `changes` of mode and arming.
@@ -69,7 +69,7 @@ class Witness:
         if not self.changes or self.changes[-1][1:] != change[1:]:
             self.changes.append(change)
         position = self._autopilot.vehicle.state.position_ned_m
-        flying = commander.armed and commander.mode is Mode.OFFBOARD
+        flying = commander.armed and commander.mode is FlightMode.OFFBOARD
         if self.engaged_us is None:
             if not flying:
                 return
@@ -89,7 +89,7 @@ class Witness:
             self._invalid += 1
             return
         commander = self._autopilot.commander
-        if commander.armed and commander.mode is Mode.OFFBOARD:
+        if commander.armed and commander.mode is FlightMode.OFFBOARD:
             self._least, self._most = min(self._least, thrust), max(self._most, thrust)
         q_wxyz = turned(q_wxyz, -self._autopilot.heading_error_rad)  # as the vehicle flies it
         if self._last is not None and self._autopilot.time_us <= self._smooth_until_us:

@@ -8,10 +8,10 @@ from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.autopilot.modes import Mode
-from sitl.autopilot.request_faults import Obedience
+from sitl.autopilot.modes import FlightMode
+from sitl.autopilot.request_faults import RequestFaults
 from sitl.build import World
-from sitl.scenarios.observer import Witness
+from sitl.scenarios.observer import Observer
 from sitl.scenarios.watched_link import WatchedLink
 from sitl.wire.wire import Channels
 from sitl.world.environment import Environment
@@ -30,10 +30,10 @@ class Stoppable(Protocol):
 class Happening(Protocol):
     """Something that befalls a flight."""
 
-    def happen(self, stage: Stage) -> None: ...
+    def happen(self, stage: ScenarioRun) -> None: ...
 
 
-class Stage:
+class ScenarioRun:
     """One flight's stage. Time in the script counts from where OFFBOARD began.
 
     Args: `script` of (s, what happens); `before` happens at once; `limit_s` after which the operator ends it;
@@ -60,8 +60,8 @@ class Stage:
         self.environment: Environment = world.environment
         self.estimator: Estimator = world.estimator
         self.channels: Channels = world.channels
-        self.obedience = self.autopilot.obedience = Obedience()
-        self.witness = Witness(self.autopilot)
+        self.obedience = self.autopilot.obedience = RequestFaults()
+        self.witness = Observer(self.autopilot)
         self.companion: WatchedLink | None = None
         self.process: Stoppable | None = None
         self.companion_ids = companion_ids
@@ -129,7 +129,7 @@ class Stage:
             self._streamed_us = now_us if self.witness.setpoints else None
         elif now_us - self._streamed_us >= 1e6 * STREAMED_S:
             self._pilot = False
-            self.autopilot.commander.request(Mode.OFFBOARD, now_us)
+            self.autopilot.commander.request(FlightMode.OFFBOARD, now_us)
             self.autopilot.follow_mode()
 
     @property

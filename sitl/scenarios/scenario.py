@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from companion.flight.authority.states import Reason
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.scenarios.run import Happening
 
 QUADROTOR: Final = "px4_quadrotor.yaml"
@@ -31,7 +31,7 @@ class Scenario(NamedTuple):
     coast_s: float = 2.0  # for how long the plant flies on alone
     # what must hold, beside the reason
     engaged: bool = True  # control began at all
-    ends_in: tuple[Mode, ...] = (Mode.HOLD,)
+    ends_in: tuple[FlightMode, ...] = (FlightMode.HOLD,)
     armed: bool = True  # at the end
     stays_within_m: float = 1.0  # across and vertical, in control
     margin_m: float = 2.0  # and so much more after it, in the autopilot's hands

@@ -6,7 +6,7 @@ from companion.config import Config
 from companion.flight.authority.states import TAKEN
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Flight
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.experiment.metrics import in_control, tracking_error_m
 from sitl.scenarios.observer import Account, Change
 from sitl.scenarios.scenario import Scenario
@@ -28,7 +28,7 @@ def problems(
     summary: Summary,
     flight: Flight,
     seen: Account,
-    asked: list[Mode],
+    asked: list[FlightMode],
 ) -> list[str]:
     """Everything that did not hold, one line each. `asked`: the modes that the companion asked for."""
     found = _of_the_ending(scenario, summary, flight, asked)
@@ -40,7 +40,7 @@ def problems(
     return found
 
 
-def _of_the_ending(scenario: Scenario, summary: Summary, flight: Flight, asked: list[Mode]) -> list[str]:
+def _of_the_ending(scenario: Scenario, summary: Summary, flight: Flight, asked: list[FlightMode]) -> list[str]:
     found = []
     if summary.reason is not scenario.reason:
         found.append(f"ended for {summary.reason.value} ({summary.detail})")
@@ -55,7 +55,7 @@ def _of_the_ending(scenario: Scenario, summary: Summary, flight: Flight, asked: 
     found += [f"no event {name} in the log" for name in scenario.events if name not in names]
     if summary.reason in TAKEN and asked and not scenario.engage:
         found.append(f"asked for {asked[0].name} although control was taken")
-    if not scenario.engage and Mode.OFFBOARD in asked:
+    if not scenario.engage and FlightMode.OFFBOARD in asked:
         found.append("asked for OFFBOARD by itself")
     return found
 
@@ -82,7 +82,7 @@ def _of_the_vehicle(scenario: Scenario, seen: Account) -> list[str]:
         found.append(
             f"went {seen.farthest_m:.2f} m away in all, at most {scenario.stays_within_m + scenario.margin_m:g}"
         )
-    last = seen.changes[-1] if seen.changes else Change(0.0, Mode.HOLD, False)
+    last = seen.changes[-1] if seen.changes else Change(0.0, FlightMode.HOLD, False)
     if last.mode not in scenario.ends_in:
         found.append(f"ended in {last.mode.name}")
     if last.armed is not scenario.armed:

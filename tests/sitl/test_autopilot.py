@@ -15,7 +15,7 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
-from sitl.autopilot.modes import Mode, custom_mode
+from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.messages.streams import Profile, default_intervals_us
 from sitl.wire.clocks import LockstepTimeoutError, StopReason
 from sitl.wire.ports import SerialEndpoint, UdpEndpoint, parse_serial
@@ -95,7 +95,7 @@ class Client:
         result: int = answer.result
         return result
 
-    def until_mode(self, mode: Mode, timeout_s: float = 8.0) -> Any:
+    def until_mode(self, mode: FlightMode, timeout_s: float = 8.0) -> Any:
         return self.wait("CURRENT_MODE", lambda m: m.custom_mode == custom_mode(mode), timeout_s)
 
 
@@ -124,15 +124,15 @@ def fly(client: Client) -> None:
     assert client.acknowledged(mavlink.MAV_CMD_COMPONENT_ARM_DISARM) == 0
     client.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN)
     assert client.acknowledged(mavlink.MAV_CMD_NAV_TAKEOFF) == 0
-    client.until_mode(Mode.TAKEOFF)
-    client.until_mode(Mode.HOLD)
+    client.until_mode(FlightMode.TAKEOFF)
+    client.until_mode(FlightMode.HOLD)
 
 
 def to_offboard(client: Client) -> None:
     for _ in range(5):
         client.setpoint()
     client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6)
-    client.until_mode(Mode.OFFBOARD)
+    client.until_mode(FlightMode.OFFBOARD)
 
 
 # --- the wire -------------------------------------------------------------------------------------------------------
@@ -148,7 +148,7 @@ def test_heartbeats_go_to_the_remote_port_until_somebody_is_heard() -> None:
             assert message.get_type() == "HEARTBEAT"
             assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
             assert (message.type, message.autopilot, message.base_mode) == (2, mavlink.MAV_AUTOPILOT_PX4, 29)
-            assert (message.custom_mode, message.system_status) == (custom_mode(Mode.HOLD), 3)
+            assert (message.custom_mode, message.system_status) == (custom_mode(FlightMode.HOLD), 3)
             with closing(Client(running.port)) as first, closing(Client(running.port, 192)) as second:
                 first.heartbeat()
                 first.wait("ODOMETRY")
@@ -353,11 +353,11 @@ def test_set_mode_is_acknowledged_twice(client: Client) -> None:
     client.setpoint()
     client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6)
     assert [client.acknowledged(mavlink.MAV_CMD_DO_SET_MODE) for _ in range(2)] == [0, 0]
-    client.until_mode(Mode.OFFBOARD)
-    custom = custom_mode(Mode.HOLD)
+    client.until_mode(FlightMode.OFFBOARD)
+    custom = custom_mode(FlightMode.HOLD)
     client.send(mavlink.MAVLink_set_mode_message(1, 1, custom))
     assert client.acknowledged(mavlink.MAV_CMD_DO_SET_MODE) == 0
-    client.until_mode(Mode.HOLD)
+    client.until_mode(FlightMode.HOLD)
 
 
 def test_offboard_is_lost_after_a_second_of_silence_and_comes_back(client: Client) -> None:
@@ -365,20 +365,20 @@ def test_offboard_is_lost_after_a_second_of_silence_and_comes_back(client: Clien
     to_offboard(client)
     client.collect(0.3, client.setpoint)
     silent_since = time.monotonic()
-    lost = client.until_mode(Mode.RTL, 2.0)
+    lost = client.until_mode(FlightMode.RTL, 2.0)
     assert 0.95 < time.monotonic() - silent_since < 1.2
-    assert lost.intended_custom_mode == custom_mode(Mode.OFFBOARD)
+    assert lost.intended_custom_mode == custom_mode(FlightMode.OFFBOARD)
     client.wait("HEARTBEAT", lambda m: m.system_status == mavlink.MAV_STATE_CRITICAL)
 
     client.setpoint()
-    back = client.until_mode(Mode.OFFBOARD, 0.5)
-    assert back.intended_custom_mode == custom_mode(Mode.OFFBOARD)
+    back = client.until_mode(FlightMode.OFFBOARD, 0.5)
+    assert back.intended_custom_mode == custom_mode(FlightMode.OFFBOARD)
 
-    client.until_mode(Mode.RTL, 2.0)
+    client.until_mode(FlightMode.RTL, 2.0)
     client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 3)
-    client.until_mode(Mode.HOLD)
+    client.until_mode(FlightMode.HOLD)
     modes = {m.custom_mode for m in client.collect(0.4, client.setpoint) if m.get_type() == "CURRENT_MODE"}
-    assert modes == {custom_mode(Mode.HOLD)}, "another mode was asked for: a resumed stream changes nothing"
+    assert modes == {custom_mode(FlightMode.HOLD)}, "another mode was asked for: a resumed stream changes nothing"
 
 
 def test_setpoints_for_others_do_not_count(client: Client) -> None:
@@ -429,7 +429,7 @@ def test_lockstep_is_deterministic() -> None:
     first, plant = lockstep_flight(4000, 300, 0.0)
     second, _ = lockstep_flight(4000, 300, 0.37)
     assert first == second
-    assert plant.autopilot.commander.mode is Mode.OFFBOARD
+    assert plant.autopilot.commander.mode is FlightMode.OFFBOARD
     assert abs(plant.autopilot.estimate().position_ned_m[0]) > 0.001
     assert plant.result is not None
     assert plant.result.odometry_sent == 301

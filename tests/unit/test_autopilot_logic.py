@@ -10,9 +10,9 @@ import pytest
 
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.commands import Command
+from sitl.autopilot.commands import VehicleCommand
 from sitl.autopilot.geodesy import GlobalPosition, to_global, to_local
-from sitl.autopilot.modes import LandedState, Mode, custom_mode, from_main_sub, standard_mode
+from sitl.autopilot.modes import FlightMode, LandedState, custom_mode, from_main_sub, standard_mode
 from sitl.autopilot.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
 from sitl.autopilot.position_hold import attitude_from_acceleration, yaw_of
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
@@ -26,13 +26,13 @@ NO_RATES: Final = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 HOVER: Final = 0.5
 
-ARM: Final = Command(400, 1.0)
-DISARM: Final = Command(400, 0.0)
-KILL: Final = Command(400, 0.0, 21196.0)
-TAKE_OFF: Final = Command(22, p7=math.nan)
-LAND: Final = Command(21)
-OFFBOARD: Final = Command(176, 1.0, 6.0)
-HOLD: Final = Command(176, 1.0, 4.0, 3.0)
+ARM: Final = VehicleCommand(400, 1.0)
+DISARM: Final = VehicleCommand(400, 0.0)
+KILL: Final = VehicleCommand(400, 0.0, 21196.0)
+TAKE_OFF: Final = VehicleCommand(22, p7=math.nan)
+LAND: Final = VehicleCommand(21)
+OFFBOARD: Final = VehicleCommand(176, 1.0, 6.0)
+HOLD: Final = VehicleCommand(176, 1.0, 4.0, 3.0)
 
 
 def make_quadrotor(bandwidth_rad_s: float = 6.0, **parameters: float) -> Autopilot:
@@ -62,7 +62,7 @@ def airborne(pilot: Autopilot) -> Autopilot:
     assert pilot.on_command(ARM) == ACCEPTED
     assert pilot.on_command(TAKE_OFF) == ACCEPTED
     run(pilot, 8.0)
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     return pilot
 
 
@@ -70,7 +70,7 @@ def in_offboard(pilot: Autopilot) -> Autopilot:
     stream(pilot, 0.1)
     assert pilot.on_command(OFFBOARD)[-1] is Result.ACCEPTED
     stream(pilot, 0.5)
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
     return pilot
 
 
@@ -80,16 +80,16 @@ def in_offboard(pilot: Autopilot) -> Autopilot:
 @pytest.mark.parametrize(
     ("mode", "wire", "standard"),
     [  # as a PX4 v1.17 sends them
-        (Mode.HOLD, 50593792, 0),
-        (Mode.TAKEOFF, 33816576, 8),
-        (Mode.RTL, 84148224, 5),
-        (Mode.LAND, 100925440, 7),
-        (Mode.OFFBOARD, 393216, 0),
-        (Mode.POSCTL, 196608, 1),
-        (Mode.MANUAL, 65536, 0),
+        (FlightMode.HOLD, 50593792, 0),
+        (FlightMode.TAKEOFF, 33816576, 8),
+        (FlightMode.RTL, 84148224, 5),
+        (FlightMode.LAND, 100925440, 7),
+        (FlightMode.OFFBOARD, 393216, 0),
+        (FlightMode.POSCTL, 196608, 1),
+        (FlightMode.MANUAL, 65536, 0),
     ],
 )
-def test_mode_numbers(mode: Mode, wire: int, standard: int) -> None:
+def test_mode_numbers(mode: FlightMode, wire: int, standard: int) -> None:
     assert custom_mode(mode) == wire
     assert standard_mode(mode) == standard
     assert from_main_sub(wire >> 16 & 255, wire >> 24) is mode
@@ -187,8 +187,8 @@ def test_arming_in_offboard_needs_the_stream() -> None:
     assert pilot.on_command(ARM) == ACCEPTED
 
 
-@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RTL, Mode.POSCTL, Mode.MANUAL])
-def test_modes_that_prevent_arming(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [FlightMode.LAND, FlightMode.RTL, FlightMode.POSCTL, FlightMode.MANUAL])
+def test_modes_that_prevent_arming(mode: FlightMode) -> None:
     pilot = make_quadrotor()
     pilot.set_mode(1, custom_mode(mode) >> 16 & 255, custom_mode(mode) >> 24)
     assert pilot.commander.mode is mode
@@ -198,7 +198,7 @@ def test_modes_that_prevent_arming(mode: Mode) -> None:
 def test_forced_arming_still_runs_the_checks() -> None:
     pilot = make_quadrotor()
     pilot.on_command(LAND)
-    assert pilot.on_command(Command(400, 1.0, 21196.0)) == REJECTED
+    assert pilot.on_command(VehicleCommand(400, 1.0, 21196.0)) == REJECTED
 
 
 def test_preflight_timeout_disarms() -> None:
@@ -228,7 +228,7 @@ def test_take_off_hold_and_land() -> None:
     run(pilot, 3.0)
     assert pilot.landed_state is LandedState.TAKEOFF
     run(pilot, 7.0)
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     assert pilot.landed_state is LandedState.IN_AIR
     assert pilot.estimate().position_ned_m == pytest.approx((0.0, 0.0, -2.5), abs=0.05)
     assert pilot.on_command(LAND) == ACCEPTED
@@ -239,13 +239,13 @@ def test_take_off_hold_and_land() -> None:
     assert pilot.landed_state is LandedState.ON_GROUND
     run(pilot, 2.0)
     assert not pilot.commander.armed
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
 
 
 def test_take_off_to_a_given_altitude() -> None:
     pilot = make_quadrotor()
     pilot.on_command(ARM)
-    pilot.on_command(Command(22, p7=to_global((0.0, 0.0, -4.0)).altitude_m))
+    pilot.on_command(VehicleCommand(22, p7=to_global((0.0, 0.0, -4.0)).altitude_m))
     run(pilot, 10.0)
     assert pilot.estimate().position_ned_m[2] == pytest.approx(-4.0, abs=0.05)
 
@@ -261,7 +261,7 @@ def test_nothing_but_take_off_lifts_off() -> None:
 @pytest.mark.parametrize("bandwidth_rad_s", [3.0, 5.5, 20.0])
 def test_hold_is_stable_on_slow_attitude_loops(bandwidth_rad_s: float) -> None:
     pilot = airborne(make_quadrotor(bandwidth_rad_s))
-    pilot.on_command(Command(192, p2=1.0, p4=1.0, p5=math.nan, p6=math.nan, p7=math.nan))
+    pilot.on_command(VehicleCommand(192, p2=1.0, p4=1.0, p5=math.nan, p6=math.nan, p7=math.nan))
     pilot.navigator.go_to((4.0, -3.0, -3.5), None)
     farthest = 0.0
     for _ in range(200):
@@ -289,7 +289,7 @@ def test_return_from_afar_climbs_travels_and_lands() -> None:
     pilot = airborne(make_quadrotor(RTL_RETURN_ALT=6.0, RTL_DESCEND_ALT=4.0))
     pilot.navigator.go_to((15.0, 0.0, -2.5), None)
     run(pilot, 20.0)
-    assert pilot.on_command(Command(20)) == ACCEPTED
+    assert pilot.on_command(VehicleCommand(20)) == ACCEPTED
     highest = 0.0
     for _ in range(400):
         run(pilot, 0.1)
@@ -305,10 +305,10 @@ def test_return_from_afar_climbs_travels_and_lands() -> None:
 def test_set_mode_is_answered_twice_and_only_the_second_counts() -> None:
     pilot = airborne(make_quadrotor())
     assert pilot.on_command(OFFBOARD) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     stream(pilot, 0.1)
     assert pilot.on_command(OFFBOARD) == (Result.ACCEPTED, Result.ACCEPTED)
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
 
 
 def test_an_old_setpoint_does_not_open_offboard() -> None:
@@ -323,35 +323,35 @@ def test_silence_holds_the_last_setpoint_then_returns() -> None:
     tilted = (math.cos(0.05), 0.0, -math.sin(0.05), 0.0)
     stream(pilot, 0.1, tilted)
     run(pilot, 0.9)  # the last one was 20 ms before: 0.92 s ago
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
     assert pilot.setpoint.q_wxyz == pytest.approx(tilted)
     assert pilot.setpoint.thrust == HOVER
     run(pilot, 0.1)
-    assert pilot.commander.mode is Mode.RTL
-    assert pilot.commander.user_mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.RTL
+    assert pilot.commander.user_mode is FlightMode.OFFBOARD
     assert pilot.commander.failsafe
 
 
 def test_loss_time_is_a_parameter() -> None:
     pilot = in_offboard(airborne(make_quadrotor(COM_OF_LOSS_T=0.3)))
     run(pilot, 0.25)
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
     run(pilot, 0.1)
-    assert pilot.commander.mode is Mode.RTL
+    assert pilot.commander.mode is FlightMode.RTL
 
 
 @pytest.mark.parametrize(
     ("action", "mode"),
     [
-        (OffboardLossAction.POSITION, Mode.RTL),  # no pilot: NAV_RCL_ACT decides
-        (OffboardLossAction.STABILIZED, Mode.RTL),
-        (OffboardLossAction.RETURN, Mode.RTL),
-        (OffboardLossAction.LAND, Mode.LAND),
-        (OffboardLossAction.HOLD, Mode.HOLD),
-        (OffboardLossAction.TERMINATE, Mode.TERMINATION),
+        (OffboardLossAction.POSITION, FlightMode.RTL),  # no pilot: NAV_RCL_ACT decides
+        (OffboardLossAction.STABILIZED, FlightMode.RTL),
+        (OffboardLossAction.RETURN, FlightMode.RTL),
+        (OffboardLossAction.LAND, FlightMode.LAND),
+        (OffboardLossAction.HOLD, FlightMode.HOLD),
+        (OffboardLossAction.TERMINATE, FlightMode.TERMINATION),
     ],
 )
-def test_loss_action(action: OffboardLossAction, mode: Mode) -> None:
+def test_loss_action(action: OffboardLossAction, mode: FlightMode) -> None:
     pilot = in_offboard(airborne(make_quadrotor(COM_OBL_RC_ACT=int(action))))
     run(pilot, 1.1)
     assert pilot.commander.mode is mode
@@ -368,7 +368,7 @@ def test_loss_with_a_pilot_hands_over() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
     pilot.commander.manual_control = True
     run(pilot, 1.1)
-    assert pilot.commander.mode is Mode.POSCTL
+    assert pilot.commander.mode is FlightMode.POSCTL
 
 
 def test_a_resumed_stream_returns_to_offboard_by_itself() -> None:
@@ -377,7 +377,7 @@ def test_a_resumed_stream_returns_to_offboard_by_itself() -> None:
         run(pilot, 1.5)
         assert pilot.commander.failsafe
         pilot.on_attitude_target(LEVEL, HOVER)
-        assert pilot.commander.mode is Mode.OFFBOARD
+        assert pilot.commander.mode is FlightMode.OFFBOARD
         assert not pilot.commander.failsafe
         assert pilot.setpoint == (LEVEL, HOVER)
 
@@ -386,24 +386,24 @@ def test_another_mode_asked_for_in_between_stays() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
     run(pilot, 1.5)
     assert pilot.on_command(HOLD)[-1] is Result.ACCEPTED
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     assert not pilot.commander.failsafe
     stream(pilot, 0.5)
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
 
 
 def test_return_asked_for_during_the_failsafe_stays() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
     run(pilot, 1.5)
-    assert pilot.on_command(Command(20)) == ACCEPTED
+    assert pilot.on_command(VehicleCommand(20)) == ACCEPTED
     stream(pilot, 0.5)
-    assert pilot.commander.mode is Mode.RTL
+    assert pilot.commander.mode is FlightMode.RTL
 
 
 def test_setpoints_are_not_flown_outside_offboard() -> None:
     pilot = airborne(make_quadrotor())
     stream(pilot, 1.0, (math.cos(0.1), 0.0, -math.sin(0.1), 0.0))
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     assert math.hypot(*pilot.estimate().position_ned_m[:2]) < 0.01
 
 
@@ -414,7 +414,7 @@ def test_setpoints_are_not_validated() -> None:
     pilot.on_attitude_target((math.nan, 0.0, 0.0, 0.0), HOVER)
     assert pilot.setpoint == (LEVEL, 0.0), "motors told nothing finite stand still"
     run(pilot, 0.9)
-    assert pilot.commander.mode is Mode.OFFBOARD, "yet the stream counts as alive"
+    assert pilot.commander.mode is FlightMode.OFFBOARD, "yet the stream counts as alive"
     assert all(map(math.isfinite, pilot.estimate().position_ned_m))
 
 
@@ -437,13 +437,13 @@ def test_offboard_is_read_after_an_automatic_landing() -> None:
     pilot.on_command(LAND)
     run(pilot, 12.0)
     assert not pilot.commander.armed
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
     assert pilot.base_mode == 17
 
 
 def test_termination_is_final() -> None:
     pilot = airborne(make_quadrotor())
-    assert pilot.on_command(Command(185, 1.0)) == ACCEPTED
+    assert pilot.on_command(VehicleCommand(185, 1.0)) == ACCEPTED
     run(pilot, 0.1)
     assert pilot.setpoint.thrust == 0.0
     assert pilot.system_status == 8
@@ -452,11 +452,11 @@ def test_termination_is_final() -> None:
 
 def test_commands_nobody_knows() -> None:
     pilot = make_quadrotor()
-    assert pilot.on_command(Command(31999)) == (Result.UNSUPPORTED,)
-    assert pilot.on_command(Command(400, 7.0)) == (Result.UNSUPPORTED,)
-    assert pilot.on_command(Command(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
-    assert pilot.on_command(Command(185, 1.0)) == (Result.DENIED,), "disarmed"
-    assert pilot.on_command(Command(246, 1.0)) == (Result.DENIED,)
+    assert pilot.on_command(VehicleCommand(31999)) == (Result.UNSUPPORTED,)
+    assert pilot.on_command(VehicleCommand(400, 7.0)) == (Result.UNSUPPORTED,)
+    assert pilot.on_command(VehicleCommand(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
+    assert pilot.on_command(VehicleCommand(185, 1.0)) == (Result.DENIED,), "disarmed"
+    assert pilot.on_command(VehicleCommand(246, 1.0)) == (Result.DENIED,)
 
 
 # --- rig ------------------------------------------------------------------------------------------------------------
@@ -465,12 +465,12 @@ def test_commands_nobody_knows() -> None:
 def test_rig_neither_takes_off_nor_returns() -> None:
     pilot = make_rig()
     assert pilot.on_command(TAKE_OFF) == REJECTED
-    assert pilot.on_command(Command(20)) == REJECTED
+    assert pilot.on_command(VehicleCommand(20)) == REJECTED
     assert pilot.on_command(ARM) == ACCEPTED
     run(pilot, 0.1)
     assert pilot.landed_state is LandedState.IN_AIR
     assert pilot.on_command(TAKE_OFF) == REJECTED
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     run(pilot, 30.0)
     assert pilot.commander.armed, "no preflight timeout: it counts as flying"
 
@@ -482,7 +482,7 @@ def test_rig_loses_the_stream_into_hold_and_comes_back() -> None:
     in_offboard(pilot)
     stream(pilot, 1.0, (math.cos(0.1), 0.0, -math.sin(0.1), 0.0))
     run(pilot, 1.1)
-    assert pilot.commander.mode is Mode.HOLD
+    assert pilot.commander.mode is FlightMode.HOLD
     assert pilot.commander.failsafe
     assert pilot.setpoint.thrust == HOVER
     start = pilot.estimate().position_ned_m[0]
@@ -490,7 +490,7 @@ def test_rig_loses_the_stream_into_hold_and_comes_back() -> None:
     assert abs(pilot.estimate().velocity_ned_m_s[0]) < 0.05
     assert abs(pilot.estimate().position_ned_m[0] - start) < 1.0
     pilot.on_attitude_target(LEVEL, HOVER)
-    assert pilot.commander.mode is Mode.OFFBOARD
+    assert pilot.commander.mode is FlightMode.OFFBOARD
 
 
 def test_rig_lands_by_stopping_its_motors() -> None:

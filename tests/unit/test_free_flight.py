@@ -20,7 +20,7 @@ from companion.certify.from_config import certificate_path, problem
 from companion.certify.statement import statement
 from companion.config import Config, load_config
 from companion.config.plant import Angle
-from companion.control.types import GRAVITY_M_S2, Command, Odometry
+from companion.control.types import GRAVITY_M_S2, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot
 from sitl.vehicles import quadrotor
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response
@@ -73,7 +73,9 @@ def wind(time_s: float) -> tuple[float, float, float]:
     )
 
 
-def fly(config: Config, seconds: float, *, hedging: bool = True, steer: dict[float, Command] | None = None) -> Flown:
+def fly(
+    config: Config, seconds: float, *, hedging: bool = True, steer: dict[float, PositionSetpoint] | None = None
+) -> Flown:
     """A flight from hover at 5 m, wind from the first moment on."""
     assert config.plant is not None
     vehicle = config.plant.quadrotor
@@ -144,7 +146,7 @@ def test_standard_mrac_on_the_same_stairs_is_worse_and_unstable_at_the_hedged_ra
 def test_twenty_metres_away_it_flies_as_at_the_start() -> None:
     """The same stair at home and 20 m away, at the same moment of a gust."""
     config = load_config(PX4, ("mission.waypoints=[]",))
-    home, away = Command(0.0, 0.0, -5.0, HEADING_RAD), Command(16.0, 12.0, -5.0, HEADING_RAD)
+    home, away = PositionSetpoint(0.0, 0.0, -5.0, HEADING_RAD), PositionSetpoint(16.0, 12.0, -5.0, HEADING_RAD)
     orders = {
         14.0: home._replace(x_m=1.0),
         21.0: away,

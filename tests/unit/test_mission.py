@@ -9,7 +9,7 @@ import pytest
 
 from companion.config import Config, ConfigError, load_config
 from companion.config.mission import MissionSection, Waypoint
-from companion.control.types import Command
+from companion.control.types import PositionSetpoint
 from companion.flight.pilot.mission import Mission
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
@@ -26,7 +26,7 @@ def test_heading_counts_from_engagement_and_stays_until_told_otherwise() -> None
             Waypoint(at_s=4, offset_ned_m=(0, 0, 0), yaw_deg=0),
         )
     )
-    mission, origin = Mission(section), Command(10.0, 20.0, -5.0, 0.5)
+    mission, origin = Mission(section), PositionSetpoint(10.0, 20.0, -5.0, 0.5)
     assert mission.command(0.0, origin) == origin
     assert mission.command(1.0, origin) == (11.0, 20.0, -5.0, 0.5)
     assert mission.command(2.5, origin) == (11.0, 22.0, -5.0, pytest.approx(0.5 + math.pi / 2))

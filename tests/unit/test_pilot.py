@@ -11,7 +11,7 @@ import pytest
 
 from companion.config import load_config
 from companion.control import attitude
-from companion.control.types import Command, Jump, Odometry
+from companion.control.types import Jump, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot, record_standby
 from companion.record import schema
 from companion.record.reader import tick_dtype
@@ -60,11 +60,11 @@ def test_a_live_command_replaces_the_mission_and_nan_keeps_the_heading() -> None
     pilot.take_over(sample(0.0))
     pilot.step(sample(0.0), 0.0)
     assert pilot.origin == pilot.target == (3.0, 4.0, -5.0, pytest.approx(0.4))
-    pilot.steer(Command(5.0, 5.0, -6.0, math.nan))
+    pilot.steer(PositionSetpoint(5.0, 5.0, -6.0, math.nan))
     pilot.step(sample(3.0), 0.004)  # the mission would have moved north at 2 s
     assert pilot.target == (5.0, 5.0, -6.0, pytest.approx(0.4))
-    pilot.steer(Command(5.0, 5.0, -6.0, -1.0))
-    pilot.steer(Command(6.0, 5.0, -6.0, math.nan))
+    pilot.steer(PositionSetpoint(5.0, 5.0, -6.0, -1.0))
+    pilot.steer(PositionSetpoint(6.0, 5.0, -6.0, math.nan))
     assert pilot.target == (6.0, 5.0, -6.0, -1.0)
     pilot.take_over(sample(10.0))  # another engagement begins with its own mission
     pilot.step(sample(10.0), 0.0)
@@ -136,7 +136,7 @@ def unpack(record: bytes) -> np.void:
 def test_the_record_of_a_tick_tells_target_flown_setpoint_anchor_bias_and_hover_thrust() -> None:
     pilot = Pilot(HOLD, hedging=True)
     pilot.take_over(sample(0.0))
-    pilot.steer(Command(6.0, 4.0, -5.0, 1.0))
+    pilot.steer(PositionSetpoint(6.0, 4.0, -5.0, 1.0))
     hover(pilot, 0.004, 0.4)
     at = sample(0.404)
     setpoint = pilot.step(at, 0.004)

@@ -10,9 +10,9 @@ from companion.config import ConfigError, load_config
 from companion.mavlink.codec import FrameParser, Layout, decode_cold
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.commands import Command
-from sitl.autopilot.modes import Mode, custom_mode
-from sitl.autopilot.request_faults import Answer, Obedience
+from sitl.autopilot.commands import VehicleCommand
+from sitl.autopilot.modes import FlightMode, custom_mode
+from sitl.autopilot.request_faults import Answer, RequestFaults
 from sitl.build import build_world
 from sitl.messages.telemetry import Telemetry
 from sitl.vehicles.quadrotor import euler, quaternion
@@ -34,7 +34,7 @@ def airborne() -> Autopilot:
 def in_offboard() -> Autopilot:
     pilot = airborne()
     pilot.on_attitude_target((1.0, 0.0, 0.0, 0.0), 0.5)
-    assert pilot.switch(Mode.OFFBOARD) is Result.ACCEPTED
+    assert pilot.switch(FlightMode.OFFBOARD) is Result.ACCEPTED
     return pilot
 
 
@@ -54,7 +54,7 @@ def world(*overrides: str, complete: bool = False):
 def test_start_in_air_hovers_in_hold_at_time_zero() -> None:
     pilot = airborne()
     pilot.advance(5_000_000)
-    assert (pilot.commander.mode, pilot.commander.armed, pilot.commander.landed) == (Mode.HOLD, True, False)
+    assert (pilot.commander.mode, pilot.commander.armed, pilot.commander.landed) == (FlightMode.HOLD, True, False)
     assert pilot.vehicle.state.position_ned_m == pytest.approx((0.0, 0.0, -5.0), abs=0.05)
 
 
@@ -113,11 +113,11 @@ def test_a_bad_plant_section_is_one_clear_line(override: str, complaint: str) ->
 
 def test_current_mode_tells_what_is_intended_while_a_failsafe_flies() -> None:
     pilot = in_offboard()
-    pilot.commander.forced_failsafe = Mode.RTL
+    pilot.commander.forced_failsafe = FlightMode.RTL
     pilot.advance(50_000)
     message = told(pilot, "CURRENT_MODE")
-    assert message.custom_mode == custom_mode(Mode.RTL)
-    assert message.intended_custom_mode == custom_mode(Mode.OFFBOARD)
+    assert message.custom_mode == custom_mode(FlightMode.RTL)
+    assert message.intended_custom_mode == custom_mode(FlightMode.OFFBOARD)
     assert pilot.system_status == 5
 
 
@@ -145,24 +145,24 @@ def test_a_wrong_clock_is_in_the_stamps_of_odometry_alone() -> None:
 @pytest.mark.parametrize(
     ("answer", "result", "at_once", "later"),
     [
-        (Answer.REFUSED, Result.TEMPORARILY_REJECTED, Mode.OFFBOARD, Mode.OFFBOARD),
-        (Answer.EMPTY, Result.ACCEPTED, Mode.OFFBOARD, Mode.OFFBOARD),
-        (Answer.LATE, Result.ACCEPTED, Mode.OFFBOARD, Mode.HOLD),
+        (Answer.REFUSED, Result.TEMPORARILY_REJECTED, FlightMode.OFFBOARD, FlightMode.OFFBOARD),
+        (Answer.EMPTY, Result.ACCEPTED, FlightMode.OFFBOARD, FlightMode.OFFBOARD),
+        (Answer.LATE, Result.ACCEPTED, FlightMode.OFFBOARD, FlightMode.HOLD),
     ],
 )
-def test_obedience(answer: Answer, result: Result, at_once: Mode, later: Mode) -> None:
+def test_obedience(answer: Answer, result: Result, at_once: FlightMode, later: FlightMode) -> None:
     pilot = in_offboard()
-    pilot.obedience = Obedience()
-    pilot.obedience.answers[Mode.HOLD] = answer
+    pilot.obedience = RequestFaults()
+    pilot.obedience.answers[FlightMode.HOLD] = answer
     pilot.obedience.late_us = 300_000
-    results = pilot.on_command(Command(176, 1, 4, 3))
+    results = pilot.on_command(VehicleCommand(176, 1, 4, 3))
     assert results == (Result.ACCEPTED, result)
     assert pilot.commander.mode is at_once
     for _ in range(50):
         pilot.on_attitude_target((1.0, 0.0, 0.0, 0.0), 0.5)
         pilot.advance(pilot.time_us + 10_000)
     assert pilot.commander.mode is later
-    assert pilot.obedience.requests == [Mode.HOLD]
+    assert pilot.obedience.requests == [FlightMode.HOLD]
 
 
 @pytest.mark.parametrize(
@@ -170,9 +170,9 @@ def test_obedience(answer: Answer, result: Result, at_once: Mode, later: Mode) -
 )
 def test_arming_that_is_not_done(answer: Answer, result: Result) -> None:
     pilot = autopilot(quadrotor())
-    pilot.obedience = Obedience()
+    pilot.obedience = RequestFaults()
     pilot.obedience.arming = answer
-    assert pilot.on_command(Command(400, 1)) == (result,)
+    assert pilot.on_command(VehicleCommand(400, 1)) == (result,)
     assert not pilot.commander.armed
 
 
@@ -188,12 +188,12 @@ def test_kill_stops_the_motors_at_once_and_disarms_after_five_seconds() -> None:
 
 def test_a_forced_failsafe_ends_when_the_user_asks_for_a_mode() -> None:
     pilot = in_offboard()
-    pilot.commander.forced_failsafe = Mode.RTL
+    pilot.commander.forced_failsafe = FlightMode.RTL
     pilot.advance(20_000)
-    assert pilot.commander.mode is Mode.RTL
-    assert pilot.switch(Mode.HOLD) is Result.ACCEPTED
+    assert pilot.commander.mode is FlightMode.RTL
+    assert pilot.switch(FlightMode.HOLD) is Result.ACCEPTED
     pilot.advance(40_000)
-    assert (pilot.commander.mode, pilot.commander.failsafe) == (Mode.HOLD, False)
+    assert (pilot.commander.mode, pilot.commander.failsafe) == (FlightMode.HOLD, False)
 
 
 def test_the_attitude_loop_lives_in_the_estimates_heading() -> None:

@@ -23,7 +23,7 @@ from companion.control import (
     setpoint,
 )
 from companion.control.ease import EaseState
-from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
 from sitl.vehicles.quadrotor import quaternion
 
 angles = st.floats(-math.pi, math.pi)
@@ -175,7 +175,7 @@ def test_altitude_reference_is_what_an_undisturbed_vehicle_does() -> None:
 def test_start_is_bumpless_anywhere_and_at_any_heading(yaw: float, x: float, y: float) -> None:
     here = level(x, y, -1.0, yaw)
     state = engage(here, yaw, (0.5, 0.3), (0.5, 0.3))
-    _, out = position.step(params(), state, here, Command(x, y, -1.0, yaw), 0.0)
+    _, out = position.step(params(), state, here, PositionSetpoint(x, y, -1.0, yaw), 0.0)
     turned = rotation((out.setpoint.qw, out.setpoint.qx, out.setpoint.qy, out.setpoint.qz))
     np.testing.assert_allclose(turned, rotation((here.qw, here.qx, here.qy, here.qz)), atol=1e-9)
     assert out.setpoint.thrust == pytest.approx(0.5)
@@ -190,9 +190,11 @@ def test_control_frame_turns_with_yaw(yaw: float) -> None:
     b = engage(turned, yaw, (0.5, 0.3), (0.5, 0.3))
     for k in range(1, 20):
         p = (0.01 * k, -0.004 * k)
-        a, out_a = position.step(params(), a, plain._replace(x_m=p[0], y_m=p[1]), Command(0.3, 0.1, -1, 0.0), 0.01)
+        a, out_a = position.step(
+            params(), a, plain._replace(x_m=p[0], y_m=p[1]), PositionSetpoint(0.3, 0.1, -1, 0.0), 0.01
+        )
         there = turned._replace(x_m=c * p[0] - s * p[1], y_m=s * p[0] + c * p[1])
-        goal = Command(c * 0.3 - s * 0.1, s * 0.3 + c * 0.1, -1, yaw)
+        goal = PositionSetpoint(c * 0.3 - s * 0.1, s * 0.3 + c * 0.1, -1, yaw)
         b, out_b = position.step(params(), b, there, goal, 0.01)
     assert out_b.x.control == pytest.approx(out_a.x.control, abs=1e-12)
     assert out_b.y.control == pytest.approx(out_a.y.control, abs=1e-12)
@@ -226,12 +228,12 @@ def test_start_is_bumpless_leaning_and_moving(yaw: float, fx: float, fy: float, 
     unit = 1.0 / lean.thrust
     here = Odometry(0.0, 3.0, 4.0, -5.0, vx, vy, 0.0, lean.qw, lean.qx, lean.qy, lean.qz)
     state = engage(here, yaw, (0.5, 0.3), (0.5, 0.3))
-    state, out = position.step(calm(), state, here, Command(3.0, 4.0, -5.0, yaw), 0.0)
+    state, out = position.step(calm(), state, here, PositionSetpoint(3.0, 4.0, -5.0, yaw), 0.0)
     wx, wy, _ = attitude.thrust_direction(*attitude_of(out.setpoint))
     assert (wx / unit, wy / unit) == pytest.approx((fx, fy), abs=0.05)
     before = rotation(attitude_of(out.setpoint))
     for _ in range(300):
-        state, out = position.step(calm(), state, here, Command(3.0, 4.0, -5.0, yaw), 0.004)
+        state, out = position.step(calm(), state, here, PositionSetpoint(3.0, 4.0, -5.0, yaw), 0.004)
         now = rotation(attitude_of(out.setpoint))
         assert angle_deg(before, now) < 1.0
         before = now
@@ -252,7 +254,7 @@ def test_reseat_makes_no_attitude_step_at_any_jump(
     jump = Jump(x, y, z, vx, vy, vz, turn)
     free = calm(at_setpoint=at_setpoint)
     at, velocity, tilt = np.array([1.0, -2.0, -3.0]), np.array([0.2, -0.1, 0.05]), (0.03, -0.05)
-    target = Command(1.2, -2.1, -3.1, yaw)
+    target = PositionSetpoint(1.2, -2.1, -3.1, yaw)
 
     def sample(k: int, jumped: Jump) -> Odometry:
         heading = yaw + jumped.yaw_rad
@@ -269,7 +271,7 @@ def test_reseat_makes_no_attitude_step_at_any_jump(
     errors = (out.x.error_position_m, out.y.error_position_m, out.x.error_velocity_m_s, out.y.error_velocity_m_s)
 
     state = position.reseat(state, jump)
-    target = Command(target.x_m + x, target.y_m + y, target.z_m + z, target.yaw_rad + turn)
+    target = PositionSetpoint(target.x_m + x, target.y_m + y, target.z_m + z, target.yaw_rad + turn)
     for k in range(300, 600):
         state, out = position.step(free, state, sample(k, jump), target, 0.004)
         body = rotated(
@@ -294,7 +296,7 @@ def test_anchor_goes_along_with_the_setpoint_and_weights_stay() -> None:
         seen = []
         for k in range(1, 60):
             there = here._replace(x_m=home + 0.3 * math.sin(0.05 * k), y_m=2 * home - 0.1 * math.sin(0.1 * k))
-            goal = Command(home + (0.5 if k > 20 else 0.0), 2 * home, -1.0, 0.0)
+            goal = PositionSetpoint(home + (0.5 if k > 20 else 0.0), 2 * home, -1.0, 0.0)
             weights = state.x.position_weight, state.y.velocity_weight
             if k == 21:  # the anchor has jumped: what the weights learn in one tick is all that changes them
                 _, out = position.step(params(at_setpoint=True), state, there, goal, 1e-9)
@@ -334,7 +336,7 @@ def test_heading_is_slewed_and_what_is_remembered_turns_with_the_frame(yaw: floa
     assert in_ned(turned) == pytest.approx(in_ned(state), abs=1e-12)
     heading = yaw
     for _ in range(100):
-        state, out = position.step(still, state, here, Command(0.3, -0.2, -1.0, yaw + turn), 0.01)
+        state, out = position.step(still, state, here, PositionSetpoint(0.3, -0.2, -1.0, yaw + turn), 0.01)
         assert abs(setpoint.turn(heading, state.flown.yaw_rad)) <= math.radians(45.0) * 0.01 + 1e-12
         heading = state.flown.yaw_rad
         assert math.hypot(state.x.bias_weight, state.y.bias_weight) == pytest.approx(math.hypot(0.1, 0.05))
@@ -353,7 +355,7 @@ def test_a_far_command_at_limited_speed_stays_near_the_vehicle() -> None:
     for k in range(2600):
         sample = here._replace(x_m=p[0], y_m=p[1], z_m=p[2], vx_m_s=v[0], vy_m_s=v[1], vz_m_s=v[2])
         sample = sample._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3])
-        state, out = position.step(free, state, sample, Command(16.0, 12.0, -1.0, 0.0), 0.01 if k else 0.0)
+        state, out = position.step(free, state, sample, PositionSetpoint(16.0, 12.0, -1.0, 0.0), 0.01 if k else 0.0)
         q = attitude_of(out.setpoint)  # reached at once
         force = np.array(attitude.thrust_direction(*q)) * out.setpoint.thrust / 0.5
         v = v + 0.01 * 9.81 * (force + np.array([0.0, 0.0, 1.0]))
@@ -366,7 +368,7 @@ def test_a_far_command_at_limited_speed_stays_near_the_vehicle() -> None:
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50))
 def test_limits_hold_whatever_is_commanded(x: float, y: float, z: float) -> None:
     state = engage(level(), 0.0, (0.5, 0.3), (0.5, 0.3))._replace(ease=SETTLED)
-    _, out = position.step(params(tilt_deg=20.0), state, level(), Command(x, y, z, 0.0), 0.0)
+    _, out = position.step(params(tilt_deg=20.0), state, level(), PositionSetpoint(x, y, z, 0.0), 0.0)
     sp = out.setpoint
     tilt = math.acos(min(1.0, -attitude.thrust_direction(sp.qw, sp.qx, sp.qy, sp.qz)[2]))
     assert math.degrees(tilt) <= 20.0 + 1e-6
@@ -375,7 +377,7 @@ def test_limits_hold_whatever_is_commanded(x: float, y: float, z: float) -> None
 
 def test_rig_keeps_hover_thrust_and_moves_along_x_alone() -> None:
     state = engage(level(z=0.0), 0.0, (0.0, 0.0), (0.0, 0.0))._replace(ease=SETTLED)
-    _, out = position.step(params(one_axis=True), state, level(z=0.0), Command(0.35, 5.0, -3.0, 0.0), 0.0)
+    _, out = position.step(params(one_axis=True), state, level(z=0.0), PositionSetpoint(0.35, 5.0, -3.0, 0.0), 0.0)
     assert out.setpoint.thrust == pytest.approx(0.5)
     assert out.y.control == 0.0
     wx, wy, _ = attitude.thrust_direction(out.setpoint.qw, out.setpoint.qx, out.setpoint.qy, out.setpoint.qz)
@@ -397,7 +399,7 @@ def test_numba_compiles_the_steps_unchanged_and_agrees(monkeypatch: pytest.Monke
         seen = []
         for k in range(1, 200):
             odometry = level(0.01 * math.sin(0.1 * k), 0.02 * math.cos(0.1 * k))._replace(time_s=0.01 * k)
-            command = Command(0.2, -0.1, -1.2, 0.7 if free and k > 50 else 0.0)
+            command = PositionSetpoint(0.2, -0.1, -1.2, 0.7 if free and k > 50 else 0.0)
             if free and k == 100:
                 state = position.reseat(state, Jump(0.1, 0.2, -0.3, 0.1, 0.0, 0.2, 0.3))
             state, out = position.step(params(one_axis=one_axis, free=free), state, odometry, command, 0.01)
@@ -434,7 +436,7 @@ def test_control_begins_with_the_attitude_that_the_vehicle_has(
     here = Odometry(0.0, 1.0, 2.0, -3.0, vx, vy, vz, *q)
     flown = params(one_axis=one_axis)
     state = position.engage(flown, here, yaw, (0.5, 0.3), (0.5, 0.3), 0.5)
-    _, out = position.step(flown, state, here, Command(1.0, 2.0, -3.0, yaw), 0.0)
+    _, out = position.step(flown, state, here, PositionSetpoint(1.0, 2.0, -3.0, yaw), 0.0)
     was, now = attitude.thrust_direction(*q), attitude.thrust_direction(*out.setpoint[:4])
     between = math.degrees(math.acos(min(1.0, sum(a * b for a, b in zip(was, now, strict=True)))))
     assert between < 0.2

@@ -11,7 +11,7 @@ from companion.config import load_config
 from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Event, Flight, tick_dtype
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.scenarios import actors as people
 from sitl.scenarios import faults
 from sitl.scenarios.catalogue.index import ALL, by_name, pick
@@ -64,7 +64,7 @@ def test_picking_by_pattern_keeps_the_order_of_the_list() -> None:
 
 SCENARIO = Scenario("one", "a flight", Reason.FENCE, stays_within_m=1.0, margin_m=1.0, error_m=0.5, by_s=4.0)
 SUMMARY = Summary(Reason.FENCE, "left the fence", True, 3.0, 500)
-SEEN = Account(1.5, 500, 0, 0.3, 0.6, 0.4, 0.8, 1.5, [Change(0.0, Mode.HOLD, True)])
+SEEN = Account(1.5, 500, 0, 0.3, 0.6, 0.4, 0.8, 1.5, [Change(0.0, FlightMode.HOLD, True)])
 CONFIG = load_config(CONFIGS / QUADROTOR)
 
 
@@ -79,7 +79,7 @@ def judged(
     scenario: Scenario = SCENARIO,
     summary: Summary = SUMMARY,
     seen: Account = SEEN,
-    asked: tuple[Mode, ...] = (),
+    asked: tuple[FlightMode, ...] = (),
     error_m: float = 0.1,
 ) -> list[str]:
     return problems(scenario, CONFIG, summary, flight(error_m), seen, list(asked))
@@ -97,12 +97,12 @@ def test_what_holds_passes() -> None:
         ({"summary": SUMMARY._replace(engaged_s=5.0)}, "not by 4"),
         ({"scenario": SCENARIO._replace(happens=((3.5, people.OperatorStops()),))}, "before anything happened at 3.5"),
         ({"scenario": SCENARIO._replace(events=("reseated",))}, "no event reseated"),
-        ({"asked": (Mode.OFFBOARD,)}, "asked for OFFBOARD"),
+        ({"asked": (FlightMode.OFFBOARD,)}, "asked for OFFBOARD"),
         (
             {
                 "scenario": SCENARIO._replace(reason=Reason.MODE_CHANGED),
                 "summary": SUMMARY._replace(reason=Reason.MODE_CHANGED),
-                "asked": (Mode.HOLD,),
+                "asked": (FlightMode.HOLD,),
             },
             "asked for HOLD although control was taken",
         ),
@@ -114,8 +114,8 @@ def test_what_holds_passes() -> None:
         ({"seen": SEEN._replace(in_control_m=1.1)}, "1.10 m away in control"),
         ({"seen": SEEN._replace(in_control_m=float("nan"))}, "away in control"),
         ({"seen": SEEN._replace(farthest_m=2.1)}, "2.10 m away in all"),
-        ({"seen": SEEN._replace(changes=[Change(0.0, Mode.RTL, True)])}, "ended in RTL"),
-        ({"seen": SEEN._replace(changes=[Change(0.0, Mode.HOLD, False)])}, "ended disarmed"),
+        ({"seen": SEEN._replace(changes=[Change(0.0, FlightMode.RTL, True)])}, "ended in RTL"),
+        ({"seen": SEEN._replace(changes=[Change(0.0, FlightMode.HOLD, False)])}, "ended disarmed"),
         ({"error_m": 0.6}, "worst error 0.60 m"),
     ],
 )

@@ -17,7 +17,7 @@ from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.guest import GuestLink, door_of, doors_of
 from companion.mavlink.link import LinkError
 from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE
-from companion.mavlink.sharing import COLD, Door, question
+from companion.mavlink.sharing import COLD, ToolServer, question
 
 REQUEST_DATA = Layout("LOG_REQUEST_DATA")
 TOOL = mavlink.MAVLink(None, srcSystem=1, srcComponent=192)
@@ -29,15 +29,15 @@ def frame_of(message: Any) -> Frame:
 
 
 @pytest.fixture
-def door(tmp_path: Path) -> Iterator[Door]:
+def door(tmp_path: Path) -> Iterator[ToolServer]:
     tmp_path.chmod(0o700)
-    opened = Door(tmp_path / "door.sock")
+    opened = ToolServer(tmp_path / "door.sock")
     yield opened
     opened.close()
 
 
 @pytest.fixture
-def guest(door: Door) -> Iterator[GuestLink]:
+def guest(door: ToolServer) -> Iterator[GuestLink]:
     link = GuestLink(door.path, 0.02)
     yield link
     link.close()
@@ -72,7 +72,7 @@ ORDERS = [
 
 
 @pytest.mark.parametrize("message", QUESTIONS, ids=lambda m: m.get_type())
-def test_a_question_goes_out(door: Door, guest: GuestLink, message: Any) -> None:
+def test_a_question_goes_out(door: ToolServer, guest: GuestLink, message: Any) -> None:
     frame = frame_of(message)
     assert question(frame)
     guest.send(frame.raw)
@@ -81,25 +81,25 @@ def test_a_question_goes_out(door: Door, guest: GuestLink, message: Any) -> None
 
 
 @pytest.mark.parametrize("message", ORDERS, ids=lambda m: m.get_type())
-def test_an_order_does_not(door: Door, guest: GuestLink, message: Any) -> None:
+def test_an_order_does_not(door: ToolServer, guest: GuestLink, message: Any) -> None:
     guest.send(frame_of(message).raw)
     assert door.asked(10.0) == b""
     assert door.refused == 1
 
 
-def test_an_order_behind_a_question_does_not_slip_through(door: Door, guest: GuestLink) -> None:
+def test_an_order_behind_a_question_does_not_slip_through(door: ToolServer, guest: GuestLink) -> None:
     guest.send(frame_of(READ).raw + frame_of(px4.arm(1, 1)).raw)
     assert door.asked(10.0) == b""
     assert door.refused == 1
 
 
-def test_rubbish_goes_nowhere(door: Door, guest: GuestLink) -> None:
+def test_rubbish_goes_nowhere(door: ToolServer, guest: GuestLink) -> None:
     guest.send(b"\xfd" * 300)
     guest.send(frame_of(READ).raw[:-1])
     assert [door.asked(10.0), door.asked(10.0)] == [b"", b""]
 
 
-def test_what_is_hot_stays_inside(door: Door, guest: GuestLink) -> None:
+def test_what_is_hot_stays_inside(door: ToolServer, guest: GuestLink) -> None:
     guest.send(b"")
     assert door.asked(10.0) == b""
     assert door.attached, "an empty datagram knocks"
@@ -112,7 +112,7 @@ def test_what_is_hot_stays_inside(door: Door, guest: GuestLink) -> None:
         assert getattr(mavlink, f"MAVLINK_MSG_ID_{name}") not in COLD
 
 
-def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: Door, guest: GuestLink) -> None:
+def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: ToolServer, guest: GuestLink) -> None:
     big = frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 4500, 1000))
     guest.send(big.raw)
     now_s, asked = 10.0, []
@@ -132,7 +132,7 @@ def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: Door, gues
     assert min(b[0] - a[0] for a, b in pairwise(asked)) >= ON_A_LINE.interval_s
 
 
-def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: Door, guest: GuestLink) -> None:
+def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: ToolServer, guest: GuestLink) -> None:
     guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 46080)).raw)
     guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 4, 90, 46080)).raw)
     bursts = FrameParser().feed(b"".join(door.asked(10.0 + 0.004 * turn) for turn in range(20)))
@@ -144,12 +144,12 @@ def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: Door
 
 
 @pytest.mark.parametrize("offset", [0, 0xFFFFFFFF])
-def test_a_request_without_end_does_not_break_the_door(door: Door, guest: GuestLink, offset: int) -> None:
+def test_a_request_without_end_does_not_break_the_door(door: ToolServer, guest: GuestLink, offset: int) -> None:
     guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
     assert len([data for step in range(300) if (data := door.asked(10.0 + step))]) == (300 if offset == 0 else 1)
 
 
-def test_one_guest_at_a_time_until_he_has_gone(door: Door, guest: GuestLink) -> None:
+def test_one_guest_at_a_time_until_he_has_gone(door: ToolServer, guest: GuestLink) -> None:
     second = GuestLink(door.path, 0.02)
     try:
         guest.send(b"")
@@ -162,7 +162,7 @@ def test_one_guest_at_a_time_until_he_has_gone(door: Door, guest: GuestLink) -> 
         second.close()
 
 
-def test_a_guest_who_died_is_forgotten(door: Door, guest: GuestLink) -> None:
+def test_a_guest_who_died_is_forgotten(door: ToolServer, guest: GuestLink) -> None:
     guest.send(b"")
     door.asked(10.0)
     guest.close()
@@ -170,7 +170,7 @@ def test_a_guest_who_died_is_forgotten(door: Door, guest: GuestLink) -> None:
     assert not door.attached
 
 
-def test_a_guest_who_falls_silent_is_forgotten(door: Door, guest: GuestLink) -> None:
+def test_a_guest_who_falls_silent_is_forgotten(door: ToolServer, guest: GuestLink) -> None:
     guest.send(b"")
     door.asked(10.0)
     door.asked(11.0)
@@ -179,7 +179,7 @@ def test_a_guest_who_falls_silent_is_forgotten(door: Door, guest: GuestLink) -> 
     assert not door.attached
 
 
-def test_a_guest_who_does_not_read_holds_nobody_up(door: Door, guest: GuestLink) -> None:
+def test_a_guest_who_does_not_read_holds_nobody_up(door: ToolServer, guest: GuestLink) -> None:
     guest.send(b"")
     door.asked(10.0)
     frame = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
@@ -191,18 +191,18 @@ def test_a_guest_who_does_not_read_holds_nobody_up(door: Door, guest: GuestLink)
 def test_a_path_too_long_for_a_socket_is_one_line(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     with pytest.raises(LinkError, match="too long"):
-        Door(tmp_path / ("x" * 120))
+        ToolServer(tmp_path / ("x" * 120))
 
 
-def test_the_door_of_a_process_that_ended_says_so(door: Door, guest: GuestLink) -> None:
+def test_the_door_of_a_process_that_ended_says_so(door: ToolServer, guest: GuestLink) -> None:
     door.close()
     with pytest.raises(LinkError, match="has ended"):
         guest.send(b"")
     assert not door.path.exists()
 
 
-def test_what_a_dead_process_left_is_replaced(door: Door) -> None:
-    again = Door(door.path)
+def test_what_a_dead_process_left_is_replaced(door: ToolServer) -> None:
+    again = ToolServer(door.path)
     link = GuestLink(door.path, 0.02)
     link.send(frame_of(READ).raw)
     assert again.asked(10.0) == frame_of(READ).raw
@@ -210,7 +210,7 @@ def test_what_a_dead_process_left_is_replaced(door: Door) -> None:
     again.close()
 
 
-def test_nobody_else_can_knock(door: Door) -> None:
+def test_nobody_else_can_knock(door: ToolServer) -> None:
     assert door.path.stat().st_mode & 0o077 == 0
 
 
@@ -219,7 +219,7 @@ def test_a_folder_that_anybody_may_write_is_refused(tmp_path: Path) -> None:
     folder.mkdir()
     folder.chmod(0o777)
     with pytest.raises(LinkError, match="somebody else"):
-        Door(folder / "door.sock")
+        ToolServer(folder / "door.sock")
 
 
 @pytest.mark.parametrize("url", ["udpin://127.0.0.1:{}", "udpout://127.0.0.1:{}"])
@@ -229,7 +229,7 @@ def test_a_tool_finds_the_door_of_whoever_has_the_link(url: str, monkeypatch: An
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         url = url.format(free.getsockname()[1])
-    door = Door(door_of(url))
+    door = ToolServer(door_of(url))
     try:
         for name in (url, f"unix://{door.path}"):
             link = open_shared(name)
@@ -256,7 +256,7 @@ def test_a_door_left_behind_is_passed_by(monkeypatch: pytest.MonkeyPatch, tmp_pa
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     url = "udpout://127.0.0.1:14999"
-    door = Door(door_of(url))
+    door = ToolServer(door_of(url))
     door._socket.close()  # as a kill -9 does
     link = open_shared(url)
     assert link.name == url

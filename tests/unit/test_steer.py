@@ -13,14 +13,14 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import ConfigError, load_config
 from companion.config.guards import FenceSection
-from companion.control.types import Command
+from companion.control.types import PositionSetpoint
 from companion.flight.vehicle_link import live_command as steer
 from companion.mavlink.codec import Frame, FrameParser
 
 OWN = (1, 191)
 POSITION_AND_YAW, POSITION_ALONE = 0x9F8, 0xDF8
 MANY = settings(deadline=None, derandomize=True, max_examples=200)
-HERE = Command(10.0, -5.0, -3.0, 0.5)
+HERE = PositionSetpoint(10.0, -5.0, -3.0, 0.5)
 
 
 def frame(**changed: Any) -> Frame:
@@ -35,30 +35,30 @@ def frame(**changed: Any) -> Frame:
 
 
 def test_position_and_yaw_are_taken() -> None:
-    assert steer.parse(frame(), OWN) == Command(1.0, 2.0, -3.0, 0.25)
+    assert steer.parse(frame(), OWN) == PositionSetpoint(1.0, 2.0, -3.0, 0.25)
 
 
 def test_a_yaw_to_be_ignored_is_kept() -> None:
     command = steer.parse(frame(type_mask=POSITION_ALONE, yaw=math.nan), OWN)
-    assert isinstance(command, Command)
+    assert isinstance(command, PositionSetpoint)
     assert command[:3] == (1.0, 2.0, -3.0)
     assert math.isnan(command.yaw_rad)
 
 
 def test_a_yaw_beyond_a_turn_is_the_same_heading() -> None:
     command = steer.parse(frame(yaw=0.25 + 6 * math.pi), OWN)
-    assert isinstance(command, Command)
+    assert isinstance(command, PositionSetpoint)
     assert command.yaw_rad == pytest.approx(0.25, abs=1e-5)
 
 
 def test_numbers_in_ignored_fields_do_not_matter() -> None:
     ignored = dict.fromkeys(("vx", "vy", "vz", "afx", "afy", "afz", "yaw_rate"), math.nan)
-    assert steer.parse(frame(**ignored), OWN) == Command(1.0, 2.0, -3.0, 0.25)
+    assert steer.parse(frame(**ignored), OWN) == PositionSetpoint(1.0, 2.0, -3.0, 0.25)
 
 
 def test_what_mavsdk_and_dronekit_send_for_a_position_is_taken() -> None:
     for mask in (0x9F8, 0xBF8, 0xDF8, 0xFF8):  # with and without the force bit
-        assert isinstance(steer.parse(frame(type_mask=mask), OWN), Command), hex(mask)
+        assert isinstance(steer.parse(frame(type_mask=mask), OWN), PositionSetpoint), hex(mask)
 
 
 @pytest.mark.parametrize(
@@ -129,8 +129,8 @@ RADIUS = FenceSection(enabled=True, radius_m=4.0)
 BOX = FenceSection(enabled=True, lower_ned_m=(-2.0, -3.0, -6.0), upper_ned_m=(5.0, 3.0, 1.0))
 
 
-def moved(north: float = 0.0, east: float = 0.0, down: float = 0.0) -> Command:
-    return Command(HERE.x_m + north, HERE.y_m + east, HERE.z_m + down, math.nan)
+def moved(north: float = 0.0, east: float = 0.0, down: float = 0.0) -> PositionSetpoint:
+    return PositionSetpoint(HERE.x_m + north, HERE.y_m + east, HERE.z_m + down, math.nan)
 
 
 @pytest.mark.parametrize(
@@ -150,10 +150,12 @@ def moved(north: float = 0.0, east: float = 0.0, down: float = 0.0) -> Command:
         (FenceSection(radius_m=1.0), moved(99.0), None),
         (FenceSection(enabled=True, upper_ned_m=(5.0, 5.0, 5.0)), moved(-1e30, -1e30, -1e30), None),
         (RADIUS, moved(1e30), "1e+30 m away, fence 4 m"),
-        (RADIUS, Command(math.nan, 0.0, 0.0, 0.0), "nan m away, fence 4 m"),
+        (RADIUS, PositionSetpoint(math.nan, 0.0, 0.0, 0.0), "nan m away, fence 4 m"),
     ],
 )
-def test_the_fence_stands_around_where_control_began(fence: FenceSection, command: Command, reason: str | None) -> None:
+def test_the_fence_stands_around_where_control_began(
+    fence: FenceSection, command: PositionSetpoint, reason: str | None
+) -> None:
     assert steer.outside(command, fence, HERE) == reason
 
 

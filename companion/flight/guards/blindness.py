@@ -11,7 +11,7 @@ from typing import Final
 
 from companion.flight.authority.states import Reason, State
 from companion.flight.guards.estimator import ESTIMATOR_STATUS, FLAGS, missing_flags
-from companion.flight.session import Flight
+from companion.flight.session import Session
 from companion.mavlink.codec import Frame
 
 ESTIMATOR_S: Final = 2.0  # without ESTIMATOR_STATUS, asked for at 5 Hz; or without a variance in the odometry
@@ -27,7 +27,7 @@ _ENDS_CONTROL: Final = {
 class Sight:
     """Looks after the guards' sources, ten times a second."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Session) -> None:
         self._flight = flight
         self._status_at_s = self._variance_at_s = -math.inf
         self._told: set[Reason] = set()

@@ -11,7 +11,7 @@ from typing import Final
 
 from companion.config.schema import Config
 from companion.control import attitude
-from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
 from companion.flight.authority.reasons import MEANING, Reason
 from companion.flight.guards import estimator
 from companion.flight.guards import table as guards
@@ -46,7 +46,7 @@ class Watch:
         self._pose = pose
         self._delay = delay
         self._response = Response(config.attitude.x, config.attitude.y)
-        self._origin = Command(0.0, 0.0, 0.0, 0.0)
+        self._origin = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self._drift: estimator.Consistency | None = None
         self._jumped: Jump | None = None
         self._since_s: tuple[float, ...] = CLEAR
@@ -65,7 +65,7 @@ class Watch:
 
     def begin(self, sample: Odometry) -> None:
         """Control begins at this sample."""
-        self._origin = Command(sample.x_m, sample.y_m, sample.z_m, 0.0)
+        self._origin = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, 0.0)
         self._drift = estimator.Consistency(sample)
         self._response.begin()
         self._lift = 1.0
@@ -76,7 +76,7 @@ class Watch:
     def reseat(self, jump: Jump) -> None:
         """The estimator counted a reset, and this is what it did."""
         x, y, z, _ = self._origin
-        self._origin = Command(x + jump.x_m, y + jump.y_m, z + jump.z_m, 0.0)
+        self._origin = PositionSetpoint(x + jump.x_m, y + jump.y_m, z + jump.z_m, 0.0)
         before = self._jumped
         self._jumped = jump if before is None else Jump(*(a + b for a, b in zip(before, jump, strict=True)))
 
@@ -104,7 +104,7 @@ class Watch:
         self._delay.heard(time_s, time_s + lag_s)
         fenced = math.nan
         if self._fence.enabled:
-            fenced = float(steer.outside(Command(x, y, z, 0.0), self._fence, self._origin) is not None)
+            fenced = float(steer.outside(PositionSetpoint(x, y, z, 0.0), self._fence, self._origin) is not None)
         self._lift += (-down * thrust / pilot.hover_thrust - self._lift) * PERIOD_S / _LIFT_S
         last = pilot.last
         used = math.nan

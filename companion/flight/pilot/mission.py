@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 
 from companion.config.mission import MissionSection
-from companion.control.types import Command
+from companion.control.types import PositionSetpoint
 
 
 class Mission:
@@ -19,10 +19,10 @@ class Mission:
             turn = self._offsets[-1][3] if waypoint.yaw_deg is None else math.radians(waypoint.yaw_deg)
             self._offsets.append((*waypoint.offset_ned_m, turn))
         self._duration_s = section.duration_s
-        self._origin = self._command = Command(0.0, 0.0, 0.0, 0.0)
+        self._origin = self._command = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self._begin_s = self._end_s = math.inf  # of the leg that the command is for
 
-    def command(self, elapsed_s: float, origin: Command) -> Command:
+    def command(self, elapsed_s: float, origin: PositionSetpoint) -> PositionSetpoint:
         """Where to be, `elapsed_s` after engagement at `origin`."""
         at_s = elapsed_s + 1e-9
         if not self._begin_s <= at_s < self._end_s or origin is not self._origin:
@@ -30,7 +30,7 @@ class Mission:
             self._begin_s, self._end_s = (-math.inf, *self._times, math.inf)[after : after + 2]
             north, east, down, turn = self._offsets[after]
             x, y, z, yaw = self._origin = origin
-            self._command = Command(x + north, y + east, z + down, yaw + turn)
+            self._command = PositionSetpoint(x + north, y + east, z + down, yaw + turn)
         return self._command
 
     def over(self, elapsed_s: float) -> bool:

@@ -8,7 +8,7 @@ from typing import Final
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, mrac, position
-from companion.control.types import AttitudeSetpoint, Command, Jump, Odometry
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
 from companion.flight.authority.reasons import Reason
 from companion.flight.pilot.controller_params import hover_params, initial_weights, position_params
 from companion.flight.pilot.doublets import Manoeuvre
@@ -43,7 +43,7 @@ class Pilot:
         self._hover = config.vehicle.hover_thrust
         self._sample: Odometry | None = None  # of the last tick
         self._since_s = 0.0
-        self.origin = self.target = Command(0.0, 0.0, 0.0, 0.0)
+        self.origin = self.target = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self.last: position.PositionOutput | None = None
         self.elapsed_s = 0.0
 
@@ -67,12 +67,12 @@ class Pilot:
         hover = self._hover
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
-        self.origin = self.target = Command(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._steered = False
         self._since_s = sample.time_s
         self._control = position.engage(self._params, sample, yaw, *self._weights, hover)
 
-    def steer(self, target: Command) -> None:
+    def steer(self, target: PositionSetpoint) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""
         self._steered = True
         self.target = target._replace(yaw_rad=self.target.yaw_rad) if math.isnan(target.yaw_rad) else target
@@ -185,6 +185,6 @@ def record_standby(sample: Odometry, dt_s: float, setpoint: AttitudeSetpoint, la
     )
 
 
-def _moved(command: Command, jump: Jump) -> Command:
+def _moved(command: PositionSetpoint, jump: Jump) -> PositionSetpoint:
     x, y, z, yaw = command
-    return Command(x + jump.x_m, y + jump.y_m, z + jump.z_m, yaw + jump.yaw_rad)
+    return PositionSetpoint(x + jump.x_m, y + jump.y_m, z + jump.z_m, yaw + jump.yaw_rad)

@@ -13,7 +13,7 @@ from typing import Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.guards import FenceSection
-from companion.control.types import Command
+from companion.control.types import PositionSetpoint
 from companion.mavlink.codec import Frame, Layout
 
 SET_POSITION_TARGET: Final = Layout("SET_POSITION_TARGET_LOCAL_NED")
@@ -42,7 +42,7 @@ def addressed_to(frame: Frame, own: tuple[int, int]) -> bool:
     return (values[_SYSTEM], values[_COMPONENT]) == own
 
 
-def parse(frame: Frame, own: tuple[int, int]) -> Command | str:
+def parse(frame: Frame, own: tuple[int, int]) -> PositionSetpoint | str:
     """Where a frame tells us to go in local NED, yaw NaN to keep it; or why it is refused, in at most 32 characters."""
     if not addressed_to(frame, own):
         return "not addressed to the companion"
@@ -62,10 +62,10 @@ def parse(frame: Frame, own: tuple[int, int]) -> Command | str:
     for refused, text in refusals:
         if refused:
             return text
-    return Command(x, y, z, math.nan if mask & _IGNORE_YAW else math.remainder(yaw, math.tau))
+    return PositionSetpoint(x, y, z, math.nan if mask & _IGNORE_YAW else math.remainder(yaw, math.tau))
 
 
-def outside(command: Command, fence: FenceSection, origin: Command) -> str | None:
+def outside(command: PositionSetpoint, fence: FenceSection, origin: PositionSetpoint) -> str | None:
     """Why a command lies outside the fence around `origin`, where control began, in at most 32 characters; or None."""
     return fence.outside((command.x_m - origin.x_m, command.y_m - origin.y_m, command.z_m - origin.z_m))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from companion.flight.authority.states import Reason
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.scenarios.actors import AlreadyInOffboard, OperatorStops, PilotTakes, Rival, SetParameter
 from sitl.scenarios.catalogue.flight import BY_ITSELF, DONE, HOVER
 from sitl.scenarios.faults import Mute
@@ -105,7 +105,7 @@ COMPANION: Final = (
         "restart_and_again",
         "after a restart the pilot chooses Hold, and OFFBOARD again",
         Reason.OPERATOR,
-        ((2.5, PilotTakes(Mode.HOLD)), (4.0, PilotTakes(Mode.OFFBOARD)), (5.5, OperatorStops())),
+        ((2.5, PilotTakes(FlightMode.HOLD)), (4.0, PilotTakes(FlightMode.OFFBOARD)), (5.5, OperatorStops())),
         overrides=HOVER,
         pilot=False,
         before=(AlreadyInOffboard(),),

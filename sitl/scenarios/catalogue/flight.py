@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from companion.flight.authority.states import Reason
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.scenarios.actors import Steer
 from sitl.scenarios.faults import Blow, Jump, LoseMotor, Push, Sag
 from sitl.scenarios.scenario import RIG, Scenario
@@ -19,7 +19,7 @@ HOVER: Final = (RATE, "mission.duration_s=7", "mission.waypoints=[]")
 LONG_HOVER: Final = (RATE, "mission.duration_s=11", "mission.waypoints=[]")
 FAULT: Final = Jump((0.0, 0.0, -1.4))  # a release for a fault, at once
 # Where PX4 goes without a stream: COM_OBL_RC_ACT is Position, there are no sticks, NAV_RCL_ACT is Return.
-BY_ITSELF: Final = (Mode.RTL,)
+BY_ITSELF: Final = (FlightMode.RTL,)
 
 _BREEZE: Final = Wind((5.0, 0.0, 0.0))
 _GUSTS: Final = Wind((3.0, 2.0, 0.0), Gust((3.0, 0.0, 0.5), 0.0, 0.8, 0.5, 4.0))

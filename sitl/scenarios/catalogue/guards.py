@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from companion.flight.authority.states import Reason
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.scenarios.actors import Overrun
 from sitl.scenarios.catalogue.flight import HOVER, LONG_HOVER, RATE
 from sitl.scenarios.faults import Blow, LoseMotor, Sag
@@ -53,7 +53,7 @@ GUARDS: Final = (
         overrides=(*HOVER, "guards.thrust_saturation.enabled=false"),
         stays_within_m=6.0,
         error_m=4.0,
-        ends_in=(Mode.HOLD,),
+        ends_in=(FlightMode.HOLD,),
     ),
     Scenario(
         "envelope",

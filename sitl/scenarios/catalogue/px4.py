@@ -6,7 +6,7 @@ from functools import partial
 from typing import Final
 
 from companion.flight.authority.states import Reason
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import FlightMode
 from sitl.autopilot.request_faults import Answer
 from sitl.scenarios.actors import AnswerTo, AnswerToArming, FailSafe, Recover
 from sitl.scenarios.catalogue.flight import BY_ITSELF, DONE, FAULT, HOVER
@@ -19,7 +19,7 @@ PX4: Final = (
         "px4_fails_safe",
         "PX4 returns by itself, OFFBOARD still intended",
         Reason.MODE_CHANGED,
-        ((2.0, FailSafe(Mode.RTL)),),
+        ((2.0, FailSafe(FlightMode.RTL)),),
         overrides=HOVER,
         ends_in=BY_ITSELF,
         by_s=2.2,
@@ -29,7 +29,7 @@ PX4: Final = (
         "px4_recovers",
         "PX4's failsafe ends: without a stream it does not come back to OFFBOARD",
         Reason.MODE_CHANGED,
-        ((2.0, FailSafe(Mode.HOLD)), (4.5, Recover())),
+        ((2.0, FailSafe(FlightMode.HOLD)), (4.5, Recover())),
         overrides=HOVER,
         ends_in=BY_ITSELF,
         by_s=2.2,
@@ -40,7 +40,7 @@ PX4: Final = (
         "px4_refuses_hold",
         "a fault, and PX4 refuses Hold: silence, and its own failsafe",
         Reason.ESTIMATOR_JUMP,
-        ((1.5, AnswerTo(Mode.HOLD, Answer.REFUSED)), (2.0, FAULT)),
+        ((1.5, AnswerTo(FlightMode.HOLD, Answer.REFUSED)), (2.0, FAULT)),
         overrides=HOVER,
         ends_in=BY_ITSELF,
         coast_s=3.0,
@@ -50,7 +50,7 @@ PX4: Final = (
         "px4_ignores_hold",
         "a fault, and PX4 acknowledges Hold and does not do it",
         Reason.ESTIMATOR_JUMP,
-        ((1.5, AnswerTo(Mode.HOLD, Answer.EMPTY)), (2.0, FAULT)),
+        ((1.5, AnswerTo(FlightMode.HOLD, Answer.EMPTY)), (2.0, FAULT)),
         overrides=HOVER,
         ends_in=BY_ITSELF,
         coast_s=3.0,
@@ -60,7 +60,7 @@ PX4: Final = (
         "px4_slow",
         "a fault, and Hold comes 0.8 s later",
         Reason.ESTIMATOR_JUMP,
-        ((1.5, AnswerTo(Mode.HOLD, Answer.LATE, 0.8)), (2.0, FAULT)),
+        ((1.5, AnswerTo(FlightMode.HOLD, Answer.LATE, 0.8)), (2.0, FAULT)),
         overrides=HOVER,
         stays_within_m=3.0,
     ),
@@ -70,7 +70,7 @@ PX4: Final = (
         Reason.ESTIMATOR_JUMP,
         ((2.0, FAULT),),
         overrides=(*HOVER, "release.mode=land"),
-        ends_in=(Mode.LAND,),
+        ends_in=(FlightMode.LAND,),
         stays_within_m=6.0,
     ),
     Scenario(
@@ -79,7 +79,7 @@ PX4: Final = (
         Reason.ESTIMATOR_JUMP,
         ((2.0, FAULT),),
         overrides=(*HOVER, "release.mode=return"),
-        ends_in=(Mode.RTL,),
+        ends_in=(FlightMode.RTL,),
         stays_within_m=6.0,
     ),
     _engaging(
@@ -104,7 +104,7 @@ PX4: Final = (
         "offboard_refused",
         "PX4 does not change to OFFBOARD",
         Reason.ENGAGE_REFUSED,
-        before=(AnswerTo(Mode.OFFBOARD, Answer.REFUSED),),
+        before=(AnswerTo(FlightMode.OFFBOARD, Answer.REFUSED),),
         engaged=False,
         limit_s=60.0,
     ),
@@ -112,7 +112,7 @@ PX4: Final = (
         "offboard_ignored",
         "PX4 says it changed to OFFBOARD and did not",
         Reason.ENGAGE_REFUSED,
-        before=(AnswerTo(Mode.OFFBOARD, Answer.EMPTY),),
+        before=(AnswerTo(FlightMode.OFFBOARD, Answer.EMPTY),),
         engaged=False,
         limit_s=60.0,
     ),
@@ -120,7 +120,7 @@ PX4: Final = (
         "offboard_late",
         "PX4 takes 1.5 s to change to OFFBOARD",
         DONE,
-        before=(AnswerTo(Mode.OFFBOARD, Answer.LATE, 1.5),),
+        before=(AnswerTo(FlightMode.OFFBOARD, Answer.LATE, 1.5),),
         limit_s=60.0,
     ),
 )
