@@ -13,10 +13,10 @@ from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Speaker
 from companion.flight.process import FlightProcess
 from companion.flight.readiness.certificate import uncovered, unwatched
-from companion.mavlink.guest import door_of
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
-from companion.mavlink.sharing import ToolServer
+from companion.mavlink.tool_client import door_of
+from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder
 from companion.record.recorder import EVENT
 from companion.record.schema import pack_event
@@ -56,9 +56,9 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
                 engage=arguments.engage,
                 warning=warning,
                 uncertified=arguments.uncertified,
-                door=door,
+                tools=door,
                 notifier=notifier,
-                say=speaker.say,
+                print_line=speaker.say,
             ).run()
         finally:
             notifier.close()

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from companion.flight.vehicle_link.port import Port
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config, load_config
-from companion.flight.vehicle_link.port import Port
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.signing import Signing
 from companion.record.recorder import RECEIVED, SENT

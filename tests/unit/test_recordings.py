@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from companion.flight.vehicle_link.port import Port
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.flight.vehicle_link.port import Port
 from companion.mavlink import px4
 from companion.mavlink.codec import Encoder, FrameParser, Layout
 from companion.mavlink.link import open_link

@@ -10,9 +10,9 @@ import math
 from typing import Final
 
 from companion.flight.authority.states import Reason, State
-from companion.flight.guards.estimator import ESTIMATOR_STATUS, FLAGS, missing_flags
-from companion.flight.session import Session
-from companion.mavlink.codec import Frame
+from companion.flight.guards.estimator import missing_flags
+from companion.flight.session import Session, To
+from companion.flight.vehicle_link.messages import EstimatorStatus
 
 ESTIMATOR_S: Final = 2.0  # without ESTIMATOR_STATUS, asked for at 5 Hz; or without a variance in the odometry
 TIMESYNC_S: Final = 3.0  # without an answer, asked for at 5 Hz
@@ -32,14 +32,14 @@ class Sight:
         self._status_at_s = self._variance_at_s = -math.inf
         self._told: set[Reason] = set()
 
-    def take(self, frame: Frame) -> None:
-        """An ESTIMATOR_STATUS."""
-        self._flight.watch.missing_flags = missing_flags(ESTIMATOR_STATUS.unpack(frame.payload)[FLAGS])
-        self._status_at_s = self._flight.clock_s()
+    def on_estimator_status(self, status: EstimatorStatus) -> None:
+        """What the estimator says of itself."""
+        self._flight.watch.missing_flags = missing_flags(status.flags)
+        self._status_at_s = self._flight.clock.elapsed_s()
 
     def look(self) -> None:
         """Forget what is too old, and tell or refuse where a guard has gone blind with it."""
-        flight, now_s = self._flight, self._flight.clock_s()
+        flight, now_s = self._flight, self._flight.clock.elapsed_s()
         if now_s - self._status_at_s > ESTIMATOR_S:
             flight.watch.missing_flags = math.nan
         flight.delay.forget(now_s - TIMESYNC_S)
@@ -60,8 +60,6 @@ class Sight:
     def _gone_blind(self, reason: Reason, what: str) -> None:
         flight = self._flight
         self._told.add(reason)
-        flight.event("blind", f"guard cannot see: {what}")
-        flight.say(f"guard cannot see: {what}")
-        flight.tell(f"companion: guard cannot see: {what}")
+        flight.announce("blind", f"guard cannot see: {what}", To.EVERYBODY)
         if reason in _ENDS_CONTROL:
             flight.refuse(reason, _ENDS_CONTROL[reason])

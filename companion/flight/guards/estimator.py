@@ -10,22 +10,11 @@ import math
 from collections import deque
 from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from companion.control import attitude
 from companion.control.types import Jump, Odometry
-from companion.mavlink.codec import Layout
+from companion.flight.vehicle_link.messages import EstimatorFlag
 
-ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
-FLAGS: Final = ESTIMATOR_STATUS.index("flags")
-
-_NEEDED: Final = (
-    mavlink.ESTIMATOR_ATTITUDE,
-    mavlink.ESTIMATOR_VELOCITY_HORIZ,
-    mavlink.ESTIMATOR_VELOCITY_VERT,
-    mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS,  # either will do
-    mavlink.ESTIMATOR_POS_VERT_ABS,
-)
+_NEEDED: Final = tuple(int(flag) for flag in EstimatorFlag)
 _TURNED_RAD: Final = math.radians(3.0)  # a smaller step of the heading may be the vehicle turning
 _LEAK_S: Final = 0.5
 _STILL: Final = (0.0, 0.0, 0.0)
