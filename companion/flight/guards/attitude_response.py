@@ -142,10 +142,6 @@ class Response:
         self._past: Past | None = None
         self._time_s = 0.0
 
-    def begin(self) -> None:
-        """Control begins with the next sample."""
-        self._past = None
-
     def advance(
         self, time_s: float, heading_rad: float, measured: tuple[float, float], commanded: tuple[float, float]
     ) -> float:
