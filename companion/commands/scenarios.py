@@ -17,7 +17,7 @@ from rich.table import Table
 from companion.config import ConfigError
 from companion.record.folder import new_folder
 from sitl.scenarios.campaign import Bases, fly_all
-from sitl.scenarios.catalogue.index import by_name, pick
+from sitl.scenarios.index import by_name, pick
 from sitl.scenarios.scenario import QUADROTOR, RIG, Flown
 
 _WIDE = 130  # a terminal that has room for what happens in each

@@ -24,7 +24,7 @@ from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
 from companion.record.reader import Flight, read_flight
-from sitl.experiment.metrics import Metrics, score
+from sitl.metrics import Metrics, score
 
 _READY_S = 20.0
 _REFRESH_S = 0.25  # a progress report costs as long as ten ticks

@@ -19,7 +19,7 @@ from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
 from companion.record.reader import read_flight
 from sitl.build import World, build_world
-from sitl.scenarios.catalogue.index import by_name
+from sitl.scenarios.index import by_name
 from sitl.scenarios.run import ScenarioRun
 from sitl.scenarios.scenario import Flown, Scenario
 from sitl.scenarios.verdict import problems, worst_error_m
@@ -50,13 +50,13 @@ def fly(scenario: Scenario, bases: Bases, folder: Path) -> Flown:
     try:
         path = bases.paths[scenario.base]
         config = load_config(path, (*scenario.overrides, *bases.overrides))
-        summary, stage, trouble = _play(scenario, config, path, folder)
+        summary, run, trouble = _play(scenario, config, path, folder)
         flight = read_flight(folder)
         reason, error = summary.reason.value, worst_error_m(config, flight)
-        asked = stage.obedience.requests
-        found = problems(scenario, config, summary, flight, stage.witness.account(), asked)
+        asked = run.request_faults.requests
+        found = problems(scenario, config, summary, flight, run.observer.account(), asked)
         found += [trouble] if trouble else []
-        found += [f"nothing ended it within {scenario.limit_s:g} s"] if stage.timed_out else []
+        found += [f"nothing ended it within {scenario.limit_s:g} s"] if run.timed_out else []
     except (ConfigError, OSError, ValueError) as problem:
         found = [str(problem)]
     return Flown(scenario.name, scenario.reason.value, reason, error, tuple(found), time.monotonic() - began_s)
@@ -66,7 +66,7 @@ def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple
     world = build_world(config, complete=True)
     if scenario.airborne:
         world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
-    stage = ScenarioRun(
+    run = ScenarioRun(
         world,
         scenario.happens,
         before=scenario.before,
@@ -76,31 +76,31 @@ def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple
         engage=scenario.engage,
         companion_ids=(config.link.system_id, config.link.component_id),
     )
-    seat = WatchedLink()
-    stage.companion = seat
-    with _flying(world, stage, seat, lockstep=not scenario.realtime) as plant:
+    link = WatchedLink()
+    run.companion = link
+    with _flying(world, run, link, lockstep=not scenario.realtime) as plant:
         recorder = open_folder(folder, path, config, blocking=not scenario.realtime)
         try:
-            seat.attach(open_link(f"udpout://127.0.0.1:{plant.port}"))
-            process = FlightProcess(config, seat, recorder, engage=scenario.engage, lockstep=not scenario.realtime)
-            stage.process = process
+            link.attach(open_link(f"udpout://127.0.0.1:{plant.port}"))
+            process = FlightProcess(config, link, recorder, engage=scenario.engage, lockstep=not scenario.realtime)
+            run.process = process
             summary = process.run()
         finally:
-            seat.ended = True
+            link.ended = True
             complaint = recorder.close()
-    seat.close()
-    return summary, stage, plant.trouble or complaint
+    link.close()
+    return summary, run, plant.trouble or complaint
 
 
 class _Plant:
     """A plant that runs in a thread. Attributes: `port` it listens on; `trouble`, one line, if it came to any."""
 
-    def __init__(self, world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> None:
+    def __init__(self, world: World, run: ScenarioRun, link: WatchedLink, *, lockstep: bool) -> None:
         self.port = 0
         self.trouble: str | None = None
         self.ready = threading.Event()
         self.cut = threading.Event()
-        self._world, self._stage, self._seat, self._lockstep = world, stage, seat, lockstep
+        self._world, self._run, self._link, self._lockstep = world, run, link, lockstep
 
     def run(self) -> None:
         try:
@@ -108,10 +108,10 @@ class _Plant:
                 self._world.autopilot,
                 [UdpEndpoint(0, _NOBODY)],
                 lockstep=self._lockstep,
-                stop=lambda: self._stage.over or self.cut.is_set(),
+                stop=lambda: self._run.over or self.cut.is_set(),
                 on_ready=self._on_ready,
                 channels=self._world.channels,
-                peer=self._seat,
+                peer=self._link,
             )
         except (OSError, LockstepTimeoutError) as error:
             self.trouble = str(error)
@@ -126,9 +126,9 @@ class _Plant:
 
 
 @contextlib.contextmanager
-def _flying(world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> Iterator[_Plant]:
+def _flying(world: World, run: ScenarioRun, link: WatchedLink, *, lockstep: bool) -> Iterator[_Plant]:
     """A plant, from when it listens until it has coasted after the companion's end."""
-    plant = _Plant(world, stage, seat, lockstep=lockstep)
+    plant = _Plant(world, run, link, lockstep=lockstep)
     thread = threading.Thread(target=plant.run, name="plant")
     thread.start()
     try:

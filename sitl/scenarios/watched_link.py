@@ -33,7 +33,7 @@ class WatchedLink:
         self.gone = False
 
     def attach(self, link: Link) -> None:
-        """The link to wrap; the plant, which must know this seat first, has told by then where it listens."""
+        """The link to wrap. The plant must know this object first, to tell where it listens."""
         self._link = link
         self.name = link.name
 

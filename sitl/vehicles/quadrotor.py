@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response, rate_step, respond, wanted_rates
+from sitl.vehicles.rotation import euler, quaternion
 
 
 class QuadrotorParams(NamedTuple):
@@ -63,29 +64,6 @@ class Effects(NamedTuple):
 
 
 CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-def euler(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
-    """Roll, pitch, yaw (Z-Y-X) of a unit quaternion."""
-    sine = min(max(2.0 * (qw * qy - qz * qx), -1.0), 1.0)
-    return (
-        math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
-        math.asin(sine),
-        math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
-    )
-
-
-def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Unit quaternion of roll, pitch, yaw (Z-Y-X)."""
-    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
-    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 def _rotate_linear(

@@ -9,8 +9,8 @@ from typing import NamedTuple, Protocol
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles import quadrotor, rig
 from sitl.vehicles.attitude_loop import RateState
+from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
-Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
 
@@ -66,10 +66,10 @@ class _AngleDelays:
 
     def through(self, q_wxyz: Quaternion) -> Quaternion:
         late = []
-        for angle, queue, steps in zip(quadrotor.euler(*q_wxyz), self._queues, self._steps, strict=True):
+        for angle, queue, steps in zip(euler(*q_wxyz), self._queues, self._steps, strict=True):
             queue.append(angle)
             late.append(queue.popleft() if len(queue) > steps else queue[0])
-        return quadrotor.quaternion(*late)
+        return quaternion(*late)
 
 
 class Rig:
@@ -167,8 +167,8 @@ class Quadrotor:
             if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:
                 self._rest()
                 return
-            _, _, yaw = quadrotor.euler(*q_wxyz)
-            q_wxyz = quadrotor.quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
+            _, _, yaw = euler(*q_wxyz)
+            q_wxyz = quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
         self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s, self.effects)
         if self._state.z_m > 0.0:
             self._state = self._state._replace(z_m=0.0)
@@ -181,8 +181,8 @@ class Quadrotor:
 
     def _rest(self) -> None:
         s = self._state
-        _, _, yaw = quadrotor.euler(s.qw, s.qx, s.qy, s.qz)
-        qw, qx, qy, qz = quadrotor.quaternion(0.0, 0.0, yaw)
+        _, _, yaw = euler(s.qw, s.qx, s.qy, s.qz)
+        qw, qx, qy, qz = quaternion(0.0, 0.0, yaw)
         rest = RateState(0.0, 0.0)
         self._state = quadrotor.QuadrotorState(
             s.x_m, s.y_m, s.z_m, 0.0, 0.0, 0.0, qw, qx, qy, qz, 0.0, 0.0, 0.0, rest, rest, rest

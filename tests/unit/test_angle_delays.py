@@ -10,6 +10,7 @@ from companion.config import ConfigError, load_config, load_text
 from sitl.build import build_vehicle
 from sitl.vehicles import quadrotor
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.rotation import euler, quaternion
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
@@ -23,8 +24,8 @@ def moves_after(vehicle: Vehicle, wanted: tuple[float, float, float], steps: int
         vehicle.step(LEVEL, 0.5, 1e-3)
     found: list[int | None] = [None, None, None]
     for k in range(steps):
-        vehicle.step(quadrotor.quaternion(*wanted), 0.5, 1e-3)
-        for i, angle in enumerate(quadrotor.euler(*vehicle.state.q_wxyz)):
+        vehicle.step(quaternion(*wanted), 0.5, 1e-3)
+        for i, angle in enumerate(euler(*vehicle.state.q_wxyz)):
             if found[i] is None and abs(angle) > 1e-6:
                 found[i] = k
     return found
@@ -55,8 +56,8 @@ def test_all_at_once_come_one_after_the_other() -> None:
         vehicle.step(LEVEL, 0.5, 1e-3)
     seen = []
     for _ in range(300):
-        vehicle.step(quadrotor.quaternion(0.1, 0.2, 0.3), 0.5, 1e-3)
-        seen.append(quadrotor.euler(*vehicle.state.q_wxyz))
+        vehicle.step(quaternion(0.1, 0.2, 0.3), 0.5, 1e-3)
+        seen.append(euler(*vehicle.state.q_wxyz))
     half = [next(k for k, angles in enumerate(seen) if angles[i] > 0.5 * at) for i, at in enumerate((0.1, 0.2, 0.3))]
     assert half[0] - half[1] == pytest.approx(20, abs=2)
     assert half[1] - half[2] == pytest.approx(20, abs=2)

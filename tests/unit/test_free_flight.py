@@ -24,6 +24,7 @@ from companion.control.types import GRAVITY_M_S2, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot
 from sitl.vehicles import quadrotor
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response
+from sitl.vehicles.rotation import quaternion
 
 PX4 = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 TOO_HEAVY = 1.2
@@ -86,7 +87,7 @@ def fly(
         response(vehicle.roll), response(vehicle.pitch), response(vehicle.yaw),
         AngleGains(0.0, 0.0, 0.0), rates, rates, rates,
     )  # fmt: skip
-    level = quadrotor.quaternion(0.0, 0.0, HEADING_RAD)
+    level = quaternion(0.0, 0.0, HEADING_RAD)
     state = quadrotor.QuadrotorState(0, 0, -5, 0, 0, 0, *level, 0, 0, 0, rest, rest, rest)
     full_thrust_n = vehicle.mass_kg * GRAVITY_M_S2 / config.vehicle.hover_thrust
     pilot, orders = Pilot(config, hedging=hedging), dict(steer or {})

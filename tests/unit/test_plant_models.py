@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from sitl.vehicles import quadrotor, rig
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response, respond, wanted_rates
+from sitl.vehicles.rotation import euler, quaternion
 
 REST = RateState(0.0, 0.0)
 RATE = RateGains(40.0, 0.0, 0.0, 1.0, 10.0)
@@ -89,8 +90,8 @@ def test_quadrotor_2_drag_gives_its_terminal_velocity() -> None:
 @pytest.mark.parametrize("cascade", [False, True])
 def test_quadrotor_signs_of_15(cascade: bool) -> None:
     """Nose down goes north, right side down goes east."""
-    south = quadrotor.quaternion(0.0, 0.05, 0.0)
-    east = quadrotor.quaternion(0.05, 0.0, 0.0)
+    south = quaternion(0.0, 0.05, 0.0)
+    east = quaternion(0.05, 0.0, 0.0)
     for wanted, where in ((south, "x"), (east, "y")):
         state = at_rest()
         for _ in range(500):
@@ -106,7 +107,7 @@ def test_rotation_1_turns_like_the_exponential_and_keeps_the_momentum() -> None:
     state = at_rest(r_rad_s=2.0)
     for _ in range(1000):
         state = quadrotor.step(params, state, (1, 0, 0, 0), 0.25 * 9.81, 1e-3)
-    assert quadrotor.euler(state.qw, state.qx, state.qy, state.qz)[2] == pytest.approx(2.0, abs=1e-6)
+    assert euler(state.qw, state.qx, state.qy, state.qz)[2] == pytest.approx(2.0, abs=1e-6)
     tumbling = at_rest(p_rad_s=1.0, q_rad_s=2.0, r_rad_s=3.0)
     j = np.array([3e-4, 3e-4, 5e-4])
     for _ in range(1000):
@@ -121,15 +122,15 @@ def test_attitude_controller_7_is_gain_times_angle_for_small_errors() -> None:
     for axis, gain in enumerate(gains):
         angles = [0.0, 0.0, 0.0]
         angles[axis] = 1e-3
-        rates = wanted_rates(gains, quadrotor.quaternion(*angles), (1.0, 0.0, 0.0, 0.0))
+        rates = wanted_rates(gains, quaternion(*angles), (1.0, 0.0, 0.0, 0.0))
         assert rates[axis] == pytest.approx(gain * 1e-3, rel=1e-4)
         assert max(abs(r) for i, r in enumerate(rates) if i != axis) < 1e-8
 
 
 @given(*[st.floats(-1.4, 1.4)] * 3)
 def test_quaternion_and_euler_agree_with_scipy(roll: float, pitch: float, yaw: float) -> None:
-    q = quadrotor.quaternion(roll, pitch, yaw)
+    q = quaternion(roll, pitch, yaw)
     w, x, y, z = q
     reference = Rotation.from_euler("ZYX", [yaw, pitch, roll])
     np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), reference.as_matrix(), atol=1e-12)
-    assert quadrotor.euler(*q) == pytest.approx((roll, pitch, yaw), abs=1e-9)
+    assert euler(*q) == pytest.approx((roll, pitch, yaw), abs=1e-9)
