@@ -16,7 +16,8 @@ from rich.table import Table
 
 from companion.config import ConfigError
 from companion.record.folder import new_folder
-from sitl.scenarios.campaign import Bases, fly_all
+from sitl.scenarios.campaign import fly_all
+from sitl.scenarios.flight import Bases
 from sitl.scenarios.index import by_name, pick
 from sitl.scenarios.scenario import QUADROTOR, RIG, Flown
 

@@ -21,7 +21,7 @@ from companion.record.folder import new_folder
 from sitl.build import build_world
 from sitl.experiment.experiment import ExperimentError, Job, Outcome, fly_all, realtime_factor
 from sitl.messages.log_download import read_log
-from sitl.wire.clocks import LockstepTimeoutError
+from sitl.wire.lockstep import LockstepTimeoutError
 from sitl.wire.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
 from sitl.wire.server import serve
 
