@@ -33,18 +33,21 @@ class ResponseKeys(Section, Generic[T]):
     @property
     def kind(self) -> type[Kind]:
         """The kind whose keys are given."""
-        return next(kind for kind in self.kinds() if getattr(self, kind.key_names()[0]) is not None)
+        given = self._given()
+        return next(kind for kind in self.kinds() if set(kind.key_names()) == given)
 
     @property
     def values(self) -> tuple[Any, ...]:
         """What is given, in the order of the kind's keys."""
         return tuple(getattr(self, key) for key in self.kind.key_names())
 
+    def _given(self) -> set[str]:
+        return {key for kind in self.kinds() for key in kind.key_names() if getattr(self, key) is not None}
+
     @model_validator(mode="after")
     def _one_kind(self) -> ResponseKeys[T]:
         keys = [kind.key_names() for kind in self.kinds()]
-        given = [each for each in keys if any(getattr(self, key) is not None for key in each)]
-        if len(given) != 1 or any(getattr(self, key) is None for key in given[0]):
+        if self._given() not in map(set, keys):
             raise ValueError("give " + ", or ".join(" and ".join(each) for each in keys))
         return self
 
