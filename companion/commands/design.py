@@ -227,11 +227,11 @@ def _to_json(chosen: Design, template: Config, identification: Identification, o
 def _in_words(fit: ModelFit) -> str:
     words = [
         f"{1e3 * value:.1f} ms"
-        if key == "delay_s"
+        if parameter.unit == "s"
         else f"{value:.2f} rad/s"
-        if key.endswith("rad_s")
-        else f"ζ {value:.2f}"
-        for key, value in fit.named().items()
+        if parameter.unit == "rad/s"
+        else f"{parameter.symbol} {value:.2f}"
+        for parameter, value in zip(fit.model.described, fit.values, strict=True)
     ]
     return f"{', '.join(words)} (fit {fit.fit:.4f})"
 

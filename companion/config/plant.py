@@ -6,28 +6,23 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from companion.attitude_response.kind import LinearResponse, ParametricKind
+from companion.config.attitude import ResponseKeys
 from companion.config.base import Fraction, NonNegative, Positive, Section, Vector
 
 
-class Angle(Section):
+class Angle(ResponseKeys[Positive]):
     """How one angle follows its set-point when the attitude loop is replaced by a linear response."""
 
-    bandwidth_rad_s: Positive | None = None
-    """First order: its bandwidth."""
-    natural_frequency_rad_s: Positive | None = None
-    """Second order: its natural frequency. Needs `damping_ratio` beside it."""
-    damping_ratio: Positive | None = None
-    """[1] Second order: its damping ratio. Needs `natural_frequency_rad_s` beside it."""
     delay_s: Annotated[NonNegative, Field(le=0.5)] = 0.0
     """Transport delay of this angle, on top of `setpoint_delay_s`."""
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Angle:
-        second = self.natural_frequency_rad_s is not None and self.damping_ratio is not None
-        partly = self.natural_frequency_rad_s is not None or self.damping_ratio is not None
-        if (self.bandwidth_rad_s is not None) == second or partly != second:
-            raise ValueError("give either bandwidth_rad_s, or natural_frequency_rad_s and damping_ratio")
-        return self
+    @property
+    def response(self) -> LinearResponse:
+        """The response without its delay."""
+        kind = self.kind
+        assert issubclass(kind, ParametricKind)  # the section has the keys of no other
+        return LinearResponse(kind, self.values)
 
 
 class RateLoop(Section):

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from companion.attitude_response.kind import LinearResponse, State
 from companion.control.types import GRAVITY_M_S2
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response, rate_step, respond, wanted_rates
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, rate_step, respond, wanted_rates
 from sitl.vehicles.rotation import euler, quaternion
 
 
@@ -23,9 +24,9 @@ class QuadrotorParams(NamedTuple):
     inertia_y_kg_m2: float
     inertia_z_kg_m2: float
     cascade: bool  # True: (7) on (1); False: the linear responses
-    roll: Response
-    pitch: Response
-    yaw: Response
+    roll: LinearResponse
+    pitch: LinearResponse
+    yaw: LinearResponse
     angle_gains: AngleGains
     roll_rate: RateGains
     pitch_rate: RateGains
@@ -51,6 +52,7 @@ class QuadrotorState(NamedTuple):
     roll_loop: RateState
     pitch_loop: RateState
     yaw_loop: RateState
+    further: tuple[State, State, State] = ((), (), ())  # of the linear responses
 
 
 class Effects(NamedTuple):
@@ -68,17 +70,18 @@ CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 def _rotate_linear(
     params: QuadrotorParams, state: QuadrotorState, wanted: tuple[float, float, float, float], dt_s: float
-) -> tuple[float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, tuple[State, State, State]]:
     """Each Euler angle follows its own response; the body rates are the angle rates, as in (9)."""
     roll, pitch, yaw = euler(state.qw, state.qx, state.qy, state.qz)
     roll_wanted, pitch_wanted, yaw_wanted = euler(wanted[0], wanted[1], wanted[2], wanted[3])
     turn = yaw_wanted - yaw
     yaw_wanted = yaw + math.atan2(math.sin(turn), math.cos(turn))  # the short way round
-    roll, p = respond(params.roll, roll, state.p_rad_s, roll_wanted, dt_s)
-    pitch, q = respond(params.pitch, pitch, state.q_rad_s, pitch_wanted, dt_s)
-    yaw, r = respond(params.yaw, yaw, state.r_rad_s, yaw_wanted, dt_s)
+    of_roll, of_pitch, of_yaw = state.further
+    roll, p, of_roll = respond(params.roll, roll, state.p_rad_s, of_roll, roll_wanted, dt_s)
+    pitch, q, of_pitch = respond(params.pitch, pitch, state.q_rad_s, of_pitch, pitch_wanted, dt_s)
+    yaw, r, of_yaw = respond(params.yaw, yaw, state.r_rad_s, of_yaw, yaw_wanted, dt_s)
     qw, qx, qy, qz = quaternion(roll, pitch, yaw)
-    return qw, qx, qy, qz, p, q, r
+    return qw, qx, qy, qz, p, q, r, (of_roll, of_pitch, of_yaw)
 
 
 def step(
@@ -94,7 +97,7 @@ def step(
     if roll_bias or pitch_bias:
         roll, pitch, yaw = euler(*wanted)
         wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
-    roll_loop, pitch_loop, yaw_loop = state.roll_loop, state.pitch_loop, state.yaw_loop
+    roll_loop, pitch_loop, yaw_loop, further = state.roll_loop, state.pitch_loop, state.yaw_loop, state.further
     if params.cascade:
         actual = (state.qw, state.qx, state.qy, state.qz)
         p_wanted, q_wanted, r_wanted = wanted_rates(params.angle_gains, wanted, actual)
@@ -115,7 +118,7 @@ def step(
         norm = math.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
         qw, qx, qy, qz = qw / norm, qx / norm, qy / norm, qz / norm
     else:
-        qw, qx, qy, qz, p, q, r = _rotate_linear(params, state, wanted, dt_s)
+        qw, qx, qy, qz, p, q, r, further = _rotate_linear(params, state, wanted, dt_s)
 
     lift = thrust_n / params.mass_kg
     air_x, air_y, air_z = state.vx_m_s - wind_north, state.vy_m_s - wind_east, state.vz_m_s - wind_down
@@ -127,5 +130,5 @@ def step(
         state.x_m + dt_s * 0.5 * (state.vx_m_s + vx),
         state.y_m + dt_s * 0.5 * (state.vy_m_s + vy),
         state.z_m + dt_s * 0.5 * (state.vz_m_s + vz),
-        vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop,
+        vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
     )  # fmt: skip

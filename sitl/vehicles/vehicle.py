@@ -107,7 +107,7 @@ class Rig:
         (w, x, y, z), thrust = self._delay.through(q_wxyz, thrust)
         self._thrust_ratio = self.thrust_share * thrust / self.hover_thrust
         if thrust <= 0.0:
-            self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0)
+            self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0, further=())
             return
         pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
         self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s, self.push_m_s2)

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.config import ConfigError, load_config, load_text
 from sitl.build import build_vehicle
 from sitl.vehicles import quadrotor
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.rotation import euler, quaternion
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
 
@@ -32,7 +34,7 @@ def moves_after(vehicle: Vehicle, wanted: tuple[float, float, float], steps: int
 
 
 def lifted(delay_s: float, angle_delays_s: tuple[float, float, float]) -> Quadrotor:
-    loop, none = Response(50.0, 0.0, 0.0), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
+    loop, none = LinearResponse(FirstOrder, (50.0,)), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
     params = quadrotor.QuadrotorParams(
         1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, AngleGains(0.0, 0.0, 0.0), none, none, none
     )

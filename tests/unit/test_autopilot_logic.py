@@ -8,6 +8,8 @@ from typing import Final
 
 import pytest
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand, execute, set_mode
@@ -15,7 +17,7 @@ from sitl.autopilot.geodesy import GlobalPosition, to_global, to_local
 from sitl.autopilot.modes import FlightMode, LandedState, custom_mode, from_main_sub, standard_mode
 from sitl.autopilot.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
 from sitl.autopilot.position_hold import attitude_from_acceleration, yaw_of
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig
@@ -36,14 +38,14 @@ HOLD: Final = VehicleCommand(176, 1.0, 4.0, 3.0)
 
 
 def make_quadrotor(bandwidth_rad_s: float = 6.0, **parameters: float) -> Autopilot:
-    loop = Response(bandwidth_rad_s, 0.0, 0.0)
+    loop = LinearResponse(FirstOrder, (bandwidth_rad_s,))
     gains = AngleGains(0.0, 0.0, 0.0)
     params = QuadrotorParams(1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, gains, NO_RATES, NO_RATES, NO_RATES)
     return Autopilot(Quadrotor(params, HOVER), Parameters(parameters))
 
 
 def make_rig(**parameters: float) -> Autopilot:
-    params = RigParams(1.2, 0.25, 0.005, False, Response(3.0, 0.0, 0.0), 0.0, NO_RATES)
+    params = RigParams(1.2, 0.25, 0.005, False, LinearResponse(FirstOrder, (3.0,)), 0.0, NO_RATES)
     return Autopilot(Rig(params, HOVER), Parameters(parameters))
 
 

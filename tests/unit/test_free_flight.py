@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from companion.attitude_response.kind import LinearResponse
 from companion.certify import proof
 from companion.certify.certificate import certify
 from companion.certify.from_config import certificate_path, problem
@@ -23,7 +24,7 @@ from companion.config.plant import Angle
 from companion.control.types import GRAVITY_M_S2, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot
 from sitl.vehicles import quadrotor
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState
 from sitl.vehicles.rotation import quaternion
 
 PX4 = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
@@ -56,9 +57,9 @@ class Flown(NamedTuple):
         return float(np.sqrt(np.mean(self.tracking_error_m[then] ** 2)))
 
 
-def response(angle: Angle | None) -> Response:
+def response(angle: Angle | None) -> LinearResponse:
     assert angle is not None
-    return Response(angle.bandwidth_rad_s or 0.0, angle.natural_frequency_rad_s or 0.0, angle.damping_ratio or 0.0)
+    return angle.response
 
 
 def wind(time_s: float) -> tuple[float, float, float]:

@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder, SecondOrder
 from sitl.vehicles import quadrotor, rig
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, Response, respond, wanted_rates
+from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, respond, wanted_rates
 from sitl.vehicles.rotation import euler, quaternion
 
 REST = RateState(0.0, 0.0)
@@ -18,7 +20,8 @@ RATE = RateGains(40.0, 0.0, 0.0, 1.0, 10.0)
 
 def a_quadrotor(**changes: object) -> quadrotor.QuadrotorParams:
     params = quadrotor.QuadrotorParams(
-        0.25, 0.1, 3e-4, 3e-4, 5e-4, False, Response(9.0, 0.0, 0.0), Response(5.5, 0.0, 0.0), Response(3.0, 0.0, 0.0),
+        0.25, 0.1, 3e-4, 3e-4, 5e-4, False,
+        *(LinearResponse(FirstOrder, (bandwidth,)) for bandwidth in (9.0, 5.5, 3.0)),
         AngleGains(9.0, 5.5, 3.0), RATE, RATE, RATE,
     )  # fmt: skip
     return params._replace(**changes)  # type: ignore[arg-type]
@@ -31,21 +34,21 @@ def at_rest(**changes: float) -> quadrotor.QuadrotorState:
 
 @given(st.floats(0.5, 20.0), st.floats(1e-3, 0.1))
 def test_first_order_response_18_is_exact(bandwidth: float, dt: float) -> None:
-    angle, _ = respond(Response(bandwidth, 0.0, 0.0), 0.0, 0.0, 0.1, dt)
+    angle, *_ = respond(LinearResponse(FirstOrder, (bandwidth,)), 0.0, 0.0, (), 0.1, dt)
     assert angle == pytest.approx(0.1 * (1.0 - math.exp(-bandwidth * dt)))
 
 
 def test_second_order_response_overshoots_as_its_damping_says() -> None:
     angle, rate, top = 0.0, 0.0, 0.0
     for _ in range(3000):
-        angle, rate = respond(Response(0.0, 9.0, 0.5), angle, rate, 0.1, 1e-3)
+        angle, rate, _ = respond(LinearResponse(SecondOrder, (9.0, 0.5)), angle, rate, (), 0.1, 1e-3)
         top = max(top, angle)
     assert top / 0.1 - 1.0 == pytest.approx(math.exp(-math.pi * 0.5 / math.sqrt(0.75)), abs=1e-3)
     assert angle == pytest.approx(0.1, abs=1e-5)
 
 
 def test_rig_28_falls_along_the_guide_with_minus_g_sine_theta() -> None:
-    params = rig.RigParams(0.0, 0.0, 0.005, False, Response(1e6, 0.0, 0.0), 0.0, RATE)
+    params = rig.RigParams(0.0, 0.0, 0.005, False, LinearResponse(FirstOrder, (1e6,)), 0.0, RATE)
     state = rig.RigState(0.0, 0.0, 0.2, 0.0, REST)
     for _ in range(1000):
         state = rig.step(params, state, 0.2, 1.0, 1e-3)
@@ -54,7 +57,7 @@ def test_rig_28_falls_along_the_guide_with_minus_g_sine_theta() -> None:
 
 
 def test_rig_friction_stops_it() -> None:
-    params = rig.RigParams(1.2, 0.25, 0.005, False, Response(3.0, 0.0, 0.0), 0.0, RATE)
+    params = rig.RigParams(1.2, 0.25, 0.005, False, LinearResponse(FirstOrder, (3.0,)), 0.0, RATE)
     state = rig.RigState(0.0, 0.5, 0.0, 0.0, REST)
     for _ in range(3000):
         state = rig.step(params, state, 0.0, 1.0, 1e-3)
@@ -63,7 +66,7 @@ def test_rig_friction_stops_it() -> None:
 
 
 def test_rig_27_cascade_follows_like_its_gain() -> None:
-    params = rig.RigParams(0.0, 0.0, 0.005, True, Response(1.0, 0.0, 0.0), 3.0, RATE)
+    params = rig.RigParams(0.0, 0.0, 0.005, True, LinearResponse(FirstOrder, (1.0,)), 3.0, RATE)
     state, t63 = rig.RigState(0.0, 0.0, 0.0, 0.0, REST), 0.0
     while state.pitch_rad < 0.1 * (1.0 - math.exp(-1.0)):
         state = rig.step(params, state, 0.1, 1.0, 1e-3)

@@ -6,7 +6,9 @@ from random import Random
 import numpy as np
 import pytest
 
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import CALM, Effects, QuadrotorParams
 from sitl.vehicles.vehicle import Quadrotor
 from sitl.world.environment import STEP_S, Environment, Turbulence, Wind
@@ -16,7 +18,7 @@ GUST = Gust((3.0, 0.0, 0.0), start_s=1.0, rise_s=2.0, hold_s=1.0, every_s=10.0)
 
 
 def vehicle() -> Quadrotor:
-    loop, rates = Response(8.0, 0.0, 0.0), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
+    loop, rates = LinearResponse(FirstOrder, (8.0,)), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
     params = QuadrotorParams(
         1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, AngleGains(0.0, 0.0, 0.0), rates, rates, rates
     )

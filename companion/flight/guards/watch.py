@@ -15,7 +15,7 @@ from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSe
 from companion.flight.authority.reasons import MEANING, Reason
 from companion.flight.guards import estimator
 from companion.flight.guards import table as guards
-from companion.flight.guards.attitude_response import Response
+from companion.flight.guards.attitude_response import ResponseBand
 from companion.flight.guards.table import CLEAR, Limits, Watched
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.vehicle_link import live_command as steer
@@ -45,7 +45,7 @@ class Watch:
         self._one_axis = config.vehicle.kind == "rig"
         self._pose = pose
         self._delay = delay
-        self._response = Response(config.attitude.x, config.attitude.y)
+        self._response = ResponseBand(config.attitude.x, config.attitude.y)
         self._origin = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self._drift: estimator.Consistency | None = None
         self._jumped: Jump | None = None
