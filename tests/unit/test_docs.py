@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 from pathlib import Path
@@ -73,3 +74,14 @@ def test_the_readme_has_the_test_command_of_ci() -> None:
     assert commands, ".ci/run looks for it"
     subprocess.run(["bash", "-n", "-c", commands[0]], check=True, timeout=10)  # it is a command
     assert "-m pytest" in commands[0]
+
+
+def test_public_functions_and_classes_say_what_they_are() -> None:
+    """Modules too; methods may leave it to their class or protocol."""
+    silent = []
+    for path in [*ROOT.glob("companion/**/*.py"), *ROOT.glob("sitl/**/*.py")]:
+        module = ast.parse(path.read_text(encoding="utf-8"))
+        named = [node for node in module.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+        public = [module, *(node for node in named if not node.name.startswith("_"))]
+        silent += [f"{path}: {getattr(node, 'name', '')}" for node in public if not ast.get_docstring(node)]
+    assert silent == []
