@@ -7,6 +7,8 @@ import struct
 from random import Random
 from typing import NamedTuple
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.config import Config, ConfigError
 from companion.config.plant import (
     Angle,
@@ -20,7 +22,7 @@ from companion.config.plant import (
 )
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
@@ -30,14 +32,12 @@ from sitl.world.environment import Environment, Turbulence, Wind
 from sitl.world.estimator import Estimator, Lag, Noise
 from sitl.world.wind import Gust
 
-_NO_RESPONSE = Response(1.0, 0.0, 0.0)
+_NO_RESPONSE = LinearResponse(FirstOrder, (1.0,))
 _NO_RATE_LOOP = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 
 
-def _response(angle: Angle | None) -> Response:
-    if angle is None:
-        return _NO_RESPONSE
-    return Response(angle.bandwidth_rad_s or 0.0, angle.natural_frequency_rad_s or 0.0, angle.damping_ratio or 0.0)
+def _response(angle: Angle | None) -> LinearResponse:
+    return _NO_RESPONSE if angle is None else angle.response
 
 
 def _rate_gains(cascade: Cascade | None) -> RateGains:
@@ -109,7 +109,7 @@ def build_vehicle(config: Config) -> Vehicle:
 
 
 class World(NamedTuple):
-    """An autopilot with all that may go wrong around it; `None` where nothing does."""
+    """An autopilot with all that may go wrong around it; `None` where nothing does. Pickling copies it."""
 
     autopilot: Autopilot
     environment: Environment | None
@@ -153,13 +153,12 @@ def build_world(config: Config, *, complete: bool = False) -> World:
     environment = estimator = channels = None
     if complete or plant.wind is not None or plant.battery_sag_1_s:
         environment = Environment(vehicle, random("environment"), wind(plant.wind), plant.battery_sag_1_s)
-        stepped = environment
-        autopilot.on_control = lambda now_us: stepped.step(1e-6 * now_us)
+        autopilot.on_control = environment.step
     if complete or plant.sensors is not None:
         sensors = plant.sensors or SensorsSection()
         estimator = Estimator(
-            lambda: vehicle.state,
-            lambda: autopilot.time_us,
+            autopilot.truth,
+            autopilot.now_us,
             random("estimator"),
             Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
             Lag(sensors.delay_s, sensors.jitter_s),

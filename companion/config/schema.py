@@ -1,4 +1,8 @@
-"""What a config file may say. Units are in the names; the shipped files in `config/` explain each key by example."""
+"""What a config file may say. Units are in the names.
+
+The text below a key is its description in `docs/config.md`, which `companion.config.reference` writes. It begins with
+the unit in brackets where the key's name has none; [1] is a pure number.
+"""
 
 from __future__ import annotations
 
@@ -24,46 +28,71 @@ class VehicleSection(Section):
     """The vehicle and where it is on MAVLink."""
 
     kind: Literal["rig", "quadrotor"]
+    """What it can do: a rig moves along one guide at hover thrust, a quadrotor flies free."""
     hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
-    # What is flown: the value above; PX4's MPC_THR_HOVER, with the value above where it is not answered; or what is
-    # estimated in flight, beginning with either.
+    """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
+    `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
+    """What is flown. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
+    answered. `estimated`: begins with either and is then estimated in flight; not for a rig."""
     system_id: Id = 1
+    """MAVLink system id of the autopilot. Nobody else is believed."""
     component_id: Id = 1
-    parameters: dict[ParameterName, Number] = Field(default_factory=dict)  # PX4's, when its response was identified
+    """MAVLink component id of the autopilot."""
+    parameters: dict[ParameterName, Number] = Field(default_factory=dict)
+    """PX4 parameters, the attitude gains above all, as they were when the response was identified. Where the vehicle's
+    differ `companion run` refuses (`certificate_stale`). Empty: nothing is compared."""
 
 
 class PaperMetrics(Section):
-    """One column of a table of the paper."""
+    """One controller's row in a table of the paper: error against the ideal reference."""
 
     peak_error_m: Positive
+    """Largest error."""
     rms_error_m: Positive
+    """Root mean square of the error."""
 
 
 class PaperSection(Section):
-    """The figures to set ours beside."""
+    """The paper's figures, which `companion sitl` sets ours beside."""
 
     table: str
+    """Title of the table."""
     hedged: PaperMetrics
+    """What the paper gives for the hedged controller."""
     standard: PaperMetrics
+    """What the paper gives for the standard controller."""
     figures: dict[str, str] = Field(default_factory=dict)
+    """Title of each figure to draw, by controller and axis, as in `hedged_x: Figure 6`."""
 
 
 class Config(Section):
     """A whole config file."""
 
     vehicle: VehicleSection
+    """The vehicle, and where it is on MAVLink."""
     link: LinkSection
+    """The way to the autopilot."""
     tick: TickSection
+    """How often the loop runs."""
     controller: ControllerSection
+    """The position controller."""
     attitude: AttitudeSection
+    """The tuned attitude loop."""
     mission: MissionSection = MissionSection()
+    """What to fly."""
     guards: Guards = Guards()
+    """What ends control."""
     release: ReleaseSection = ReleaseSection()
+    """What is asked for then."""
     steering: SteeringSection = SteeringSection()
+    """Who may move the set-point live."""
     service: ServiceSection = ServiceSection()
+    """What is asked of the operating system."""
     plant: Plant | None = None
+    """The simulated vehicle."""
     paper: PaperSection | None = None
+    """The paper's figures."""
 
     @model_validator(mode="after")
     def _axes_of_the_vehicle(self) -> Config:

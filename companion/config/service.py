@@ -12,15 +12,19 @@ from companion.config.base import Id, Priority, Section
 class ServiceSection(Section):
     """What is asked of the operating system. What it does not permit is reported, and flown without."""
 
-    realtime_priority: Priority = 0  # of SCHED_FIFO; 0: not asked
-    lock_memory: bool = False  # no page of ours is ever waited for
+    realtime_priority: Priority = 0
+    """Priority of SCHED_FIFO to ask for; 0: none. The unit file allows up to 60."""
+    lock_memory: bool = False
+    """Ask that no page of the process is ever swapped out or waited for (mlockall)."""
 
 
 class SteeringSection(Section):
     """Who may move the set-point by SET_POSITION_TARGET_LOCAL_NED, addressed to the companion's own component."""
 
     enabled: bool = False
+    """Take live commands. Needs `guards.fence` with a box, and a speed or an envelope that holds the way."""
     system_ids: tuple[Id, ...] = ()
+    """MAVLink systems that may steer, 255 for QGroundControl."""
 
     @model_validator(mode="after")
     def _somebody(self) -> SteeringSection:

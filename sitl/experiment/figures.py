@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from companion.config import Config
 from companion.record.reader import Flight
-from sitl.experiment.metrics import in_control, tracking_error_m
+from sitl.metrics import in_control, tracking_error_m
 
 _COMMAND, _IDEAL, _HEDGED, _MEASURED = "0.55", "tab:blue", "tab:green", "tab:red"
 _STYLE: Any = {"font.size": 11, "axes.grid": True, "grid.alpha": 0.35, "legend.framealpha": 0.9, "figure.dpi": 140}

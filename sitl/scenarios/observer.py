@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.modes import FlightMode
-from sitl.vehicles.vehicle import Quaternion, Vector
-from sitl.world.estimator import turned
+from sitl.vehicles.rotation import Quaternion, turned
+from sitl.vehicles.vehicle import Vector
 
 SMOOTH_S = 0.5  # for how long after an engagement or a reset set-points must not step
 

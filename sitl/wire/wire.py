@@ -13,7 +13,7 @@ from sitl.messages.services import Services
 from sitl.messages.streams import Streams
 from sitl.wire.forwarding import Address, concerns, target
 from sitl.wire.impairments import Channel
-from sitl.wire.ports import DATAGRAM_BYTES, Port
+from sitl.wire.ports import Port, batches
 
 _ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY.to_bytes(3, "little")
 _SETPOINT_ID: Final = mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET
@@ -156,17 +156,9 @@ class Wire:
 
     def _put(self, frames: list[bytes]) -> None:
         """As few datagrams as hold the frames, counted."""
-        batch: list[bytes] = []
-        size = 0
-        for frame in frames:
-            if batch and size + len(frame) > DATAGRAM_BYTES:
-                self.port.send(batch)
-                self.sent += self.port.connected
-                batch, size = [], 0
-            batch.append(frame)
-            size += len(frame)
-        self.port.send(batch)
-        self.sent += self.port.connected
+        for batch in batches(frames):
+            self.port.send(batch)
+            self.sent += self.port.connected
 
     def _note(self, frame: bytes) -> None:
         """Remember an ODOMETRY that will be answered."""

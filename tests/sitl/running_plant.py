@@ -6,10 +6,12 @@ import threading
 from collections.abc import Sequence
 from types import TracebackType
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import Parameters
 from sitl.messages.log_download import LogFile
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
@@ -27,8 +29,8 @@ PATIENT = (
 NOBODY = 9  # the discard port: heartbeats before the lock must not reach anybody
 
 
-def response(bandwidth_rad_s: float) -> Response:
-    return Response(bandwidth_rad_s, 0.0, 0.0)
+def response(bandwidth_rad_s: float) -> LinearResponse:
+    return LinearResponse(FirstOrder, (bandwidth_rad_s,))
 
 
 def quadrotor(bandwidth_rad_s: float = 6.0) -> Quadrotor:

@@ -18,12 +18,12 @@ from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from pymavlink.dialects.v20 import development as mavlink
 from running_plant import RunningPlant, autopilot, quadrotor
 
-from companion.commands.logs import fetch, list_logs, newest
 from companion.config import load_config
 from companion.mavlink import ulog
 from companion.mavlink.client import Client
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.link import LinkError
+from companion.mavlink.log_client import fetch, list_logs, newest
 from companion.mavlink.log_protocol import LOG_DATA
 from companion.mavlink.services import Attachment, Firmware, Services
 from sitl.messages.log_download import LogFile, synthetic_log

@@ -20,7 +20,7 @@ from companion.control import attitude
 from companion.control.position import PositionOutput
 from companion.control.types import AttitudeSetpoint, Jump, Odometry
 from companion.flight.guards import estimator
-from companion.flight.guards.attitude_response import Response, ends
+from companion.flight.guards.attitude_response import ResponseBand, ends
 
 PERIOD_S: Final = 0.02  # from one look to the next
 _SATURATION_S: Final = 1.0  # over which its share is taken
@@ -149,7 +149,7 @@ def tilt_error_rad(look: Look) -> float:
 
 def outside_band_rad(config: Config) -> Measure:
     """How far the attitude loop's answer lies outside the band of the certified responses."""
-    response = Response(config.attitude.x, config.attitude.y)
+    response = ResponseBand(config.attitude.x, config.attitude.y)
 
     def measure(look: Look) -> float:
         qw, qx, qy, qz, _ = look.setpoint
