@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from companion.config.attitude import AttitudeSection
+from companion.config.attitude import AttitudeSection, certified_delay_s
 from companion.config.controller import ControllerSection
-from companion.config.delay import certified_delay_s
 from companion.config.guards.fence import FenceSection
 from companion.config.guards.rows import Guards
 from companion.config.link import TickSection

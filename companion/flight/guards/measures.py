@@ -12,8 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from companion.config.attitude import link_share_s
 from companion.config.base import Vector
-from companion.config.delay import link_share_s
 from companion.config.guards.rows import Reason
 from companion.config.schema import Config
 from companion.control import attitude

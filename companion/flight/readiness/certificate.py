@@ -9,7 +9,7 @@ from companion.certify import proof
 from companion.certify.from_config import problem
 from companion.certify.statement import statement
 from companion.config import Config, ConfigError
-from companion.config.delay import certified_delay_s
+from companion.config.attitude import certified_delay_s
 from companion.config.guards.rows import GUARDS
 
 _ASSUMPTIONS: Final = tuple(guard.key for guard in GUARDS.values() if guard.row.certified)
