@@ -10,9 +10,17 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from companion.control import mrac
 from companion.control.projection import adapt
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import Transition, transition
 
 G = 9.81
+
+
+def propagate(over: Transition, position: float, velocity: float, acceleration: float) -> tuple[float, float]:
+    """Position and velocity one tick later, with the acceleration held."""
+    return (
+        over.phi11 * position + over.phi12 * velocity + over.gamma1 * acceleration,
+        over.phi21 * position + over.phi22 * velocity + over.gamma2 * acceleration,
+    )
 
 
 def axis(
