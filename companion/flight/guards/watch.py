@@ -42,7 +42,7 @@ class Watch:
         self._fence = config.guards.fence
         self._position_m = config.controller.envelope.position_m
         self._velocity_m_s = config.controller.envelope.velocity_m_s
-        self._one_axis = config.vehicle.kind == "rig"
+        self._one_axis = config.vehicle_kind.one_axis
         self._pose = pose
         self._delay = delay
         self._response = ResponseBand(config.attitude.x, config.attitude.y)
