@@ -16,7 +16,7 @@ from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import DELAY, Kind, Parameter, ParametricKind, State, Step
 from companion.attitude_response.realisation import ONE, ZERO, StateSpace
 from companion.attitude_response.transfer_function import TransferFunction
-from companion.control.reference_model import discretise
+from companion.control.reference_model import transition
 
 _NEARLY_EQUAL: Final = 1e-6  # of damping² from one: the two poles are then told apart by hand
 
@@ -43,7 +43,7 @@ class FirstOrder(ParametricKind):
 
         def advance(state: State, wanted: float) -> State:
             output = wanted + (state[0] - wanted) * left
-            return output, bandwidth * (wanted - output)
+            return output, bandwidth * (wanted - output)  # the rate at the end of the step
 
         return advance
 
@@ -76,7 +76,7 @@ class SecondOrder(ParametricKind):
     @staticmethod
     def step(values: Sequence[float], dt_s: float) -> Step:
         wn, zeta = values
-        phi11, phi12, phi21, phi22, gamma1, gamma2 = discretise(wn, zeta, dt_s)
+        phi11, phi12, phi21, phi22, gamma1, gamma2 = transition(wn, zeta, dt_s)
         stiffness = wn * wn
 
         def advance(state: State, wanted: float) -> State:

@@ -65,7 +65,7 @@ class Autopilot:
         self.time_us = 0
         self.reset_counter = 0
         self.notices: deque[Notice] = deque(maxlen=32)
-        self.estimate: Callable[[], VehicleState] = lambda: vehicle.state
+        self.estimate: Callable[[], VehicleState] = self.truth
         self.heading_error_rad = 0.0
         self.health = NOMINAL
         self.stamp_us: Callable[[int], int] | None = None
@@ -85,7 +85,6 @@ class Autopilot:
     def advance(self, to_time_us: int) -> None:
         """Run up to a simulated time, as far as whole physics steps go."""
         step = self.vehicle.step
-        dt_s = 1e-6 * PHYSICS_DT_US
         now = self.time_us
         last = to_time_us - PHYSICS_DT_US
         while now <= last:
@@ -98,7 +97,7 @@ class Autopilot:
                 q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
             while now <= until:
-                step(q_wxyz, thrust, dt_s)
+                step(q_wxyz, thrust)
                 now += PHYSICS_DT_US
         self.time_us = now
 
@@ -168,7 +167,15 @@ class Autopilot:
         self.navigator.enter(FlightMode.HOLD, self.estimate(), self.home, self.time_us)
         self.advance(now_us)
 
+    def now_us(self) -> int:
+        """Simulated time since boot."""
+        return self.time_us
+
     # --- what it tells ----------------------------------------------------------------------------------------------
+
+    def truth(self) -> VehicleState:
+        """The vehicle's true state, which it does not know."""
+        return self.vehicle.state
 
     @property
     def landed_state(self) -> LandedState:

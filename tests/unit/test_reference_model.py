@@ -16,7 +16,6 @@ steps = st.floats(1e-4, 0.5)
 
 
 def propagate(over: Transition, position: float, velocity: float, acceleration: float) -> tuple[float, float]:
-    """Position and velocity one tick later, with the acceleration held."""
     return (
         over.phi11 * position + over.phi12 * velocity + over.gamma1 * acceleration,
         over.phi21 * position + over.phi22 * velocity + over.gamma2 * acceleration,
