@@ -37,7 +37,7 @@ class Pilot:
         self.manoeuvre: Manoeuvre | None = None
         if flown is not None:
             amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
-            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
+            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle_kind.one_axis)
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust
