@@ -75,8 +75,9 @@ class Wire:
     @property
     def due_us(self) -> int:
         """When the next thing happens on this wire."""
-        due = self.streams.due_us
-        return due if self.channels is None else min(due, self.channels.down.due_us, self.channels.up.due_us)
+        streams, channels = self.streams, self.channels
+        due = min(streams.odometry_due_us, streams.others_due_us)
+        return due if channels is None else min(due, channels.down.due_us, channels.up.due_us)
 
     def send(self, frames: list[bytes], now_us: int) -> None:
         """Frames on their way; on an impaired wire they arrive later, each by itself."""
@@ -131,15 +132,16 @@ class Wire:
 
     def arrive(self, now_us: int) -> None:
         """What has come through an impaired wire by now, both ways. `push` puts it on the real one."""
-        if self.channels is None:
+        channels = self.channels
+        if channels is None or (channels.down.due_us > now_us and channels.up.due_us > now_us):
             return
-        for frame, _ in self.channels.up.take(now_us):
+        for frame, _ in channels.up.take(now_us):
             for whole in self._late_parser.feed(frame):
                 self.services.handle(whole)
                 if self.neighbours:
                     self._forward(whole, now_us)
         self.flush(now_us)
-        for frame, intact in self.channels.down.take(now_us):
+        for frame, intact in channels.down.take(now_us):
             if not intact:  # by itself, so that it spoils no other
                 self.push()
                 self._put([frame])

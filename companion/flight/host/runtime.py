@@ -60,16 +60,22 @@ def _large_pages() -> None:
 
 @contextmanager
 def quiet_memory() -> Iterator[None]:
-    """No garbage collection in flight: the tick leaves no cycles behind. And few pages."""
+    """No garbage collection in flight: the tick leaves no cycles behind. And few pages.
+
+    A program that has frozen its memory itself, because it flies many flights, keeps it so.
+    """
+    frozen = gc.get_freeze_count() > 0
     gc.collect()
-    gc.freeze()
-    _large_pages()
+    if not frozen:
+        gc.freeze()
+        _large_pages()
     gc.disable()
     try:
         yield
     finally:
         gc.enable()
-        gc.unfreeze()
+        if not frozen:
+            gc.unfreeze()
 
 
 @contextmanager
