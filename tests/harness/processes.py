@@ -6,9 +6,9 @@ A time limit here is for what hangs, never for what is slow: a busy machine must
 from __future__ import annotations
 
 import re
-import select
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,14 +60,17 @@ def lines_until(process: Process, pattern: str, timeout_s: float = PATIENCE_S) -
     """Lines of its output up to the first that matches."""
     assert process.stdout is not None
     lines: list[str] = []
-    until_s = time.monotonic() + timeout_s
-    while (left_s := until_s - time.monotonic()) > 0:
-        if select.select([process.stdout], [], [], left_s)[0]:
-            lines.append(process.stdout.readline())
-            if re.search(pattern, lines[-1]):
+    hangs = threading.Timer(timeout_s, process.kill)  # `select` would not see lines that are in the buffer already
+    hangs.start()
+    try:
+        for line in process.stdout:
+            lines.append(line)
+            if re.search(pattern, line):
                 return lines
-            assert lines[-1], f"ended without {pattern!r}: {lines} {process.stderr.read() if process.stderr else ''}"
-    pytest.fail(f"no {pattern!r} within {timeout_s:g} s: {lines}")
+    finally:
+        hangs.cancel()
+    complaints = process.stderr.read() if process.stderr else ""
+    pytest.fail(f"ended without {pattern!r}: {lines} {complaints}")
 
 
 def line_with(process: Process, pattern: str, timeout_s: float = PATIENCE_S) -> str:

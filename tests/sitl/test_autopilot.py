@@ -12,8 +12,8 @@ from contextlib import closing
 from typing import Any, Final
 
 import pytest
+from harness.running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 from pymavlink.dialects.v20 import development as mavlink
-from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
 from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.messages.streams import Profile, default_intervals_us
