@@ -12,12 +12,15 @@ from functools import partial
 import cvxpy as cp
 import numpy as np
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import TOLERANCE, minimum_bandwidth, with_bandwidth
 from companion.certify.certificate import Scaling, certify
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import unstable_bandwidth
 from companion.certify.lifting import gram_null_space, lift, monomials
-from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, Problem, decimal, interval
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import verify
 
 CASES = {"simulation": ("4", "1.8", "0.65", "5.5"), "rig": ("2.3", "0.55", "0.35", "3")}

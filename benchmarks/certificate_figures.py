@@ -7,10 +7,13 @@ import time
 from decimal import Decimal
 from functools import partial
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import minimum_bandwidth, with_bandwidth
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import unstable_bandwidth
-from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, decimal, interval
+from companion.certify.problem import AxisProblem
 from companion.certify.proof import check
 
 CASES = {"simulation": ("4", "1.8", "0.65", "5.5"), "rig": ("2.3", "0.55", "0.35", "3")}

@@ -15,8 +15,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit" / "identify"))
 from identify_logs import Known, fly, recording
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder, SecondOrder
 from companion.identify.identification import identify
-from sitl.vehicles.attitude_loop import Response
 
 
 def run(runs: int, second_order: bool, manoeuvres: int) -> None:
@@ -26,10 +27,10 @@ def run(runs: int, second_order: bool, manoeuvres: int) -> None:
         up, down, noise = random.uniform(0.005, 0.04), random.uniform(0.002, 0.02), random.uniform(0.05, 0.3)
         if second_order:
             dynamics = (random.uniform(5.0, 14.0), random.uniform(0.6, 1.3))
-            response = Response(0.0, *dynamics)
+            response = LinearResponse(SecondOrder, dynamics)
         else:
             dynamics = (random.uniform(3.0, 10.0),)
-            response = Response(dynamics[0], 0.0, 0.0)
+            response = LinearResponse(FirstOrder, dynamics)
         known = Known(response, up, down, math.radians(noise))
         rates = random.choice([50.0, 100.0, 250.0]), random.choice([50.0, 125.0])
         axis = identify([recording(fly(known, seed, *rates, manoeuvres=manoeuvres))]).axes["pitch"]

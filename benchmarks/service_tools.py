@@ -10,11 +10,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from companion.commands.logs import list_logs, newest
 from companion.config import load_config
 from companion.flight.readiness.px4_settings import KINDS
 from companion.mavlink.client import Client
 from companion.mavlink.codec import Frame
+from companion.mavlink.log_client import list_logs, newest
 from companion.mavlink.log_protocol import LOG_DATA, LogFetch
 from companion.mavlink.services import Attachment, Services
 

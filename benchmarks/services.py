@@ -256,7 +256,7 @@ def main() -> None:
         from companion import cli  # noqa: PLC0415
         from companion.commands import run as command  # noqa: PLC0415
 
-        command.Door = Inside  # type: ignore[assignment,misc]
+        command.ToolServer = Inside  # type: ignore[assignment,misc]
         cli.main(sys.argv[2:])
     parser = argparse.ArgumentParser(description="What tools on the shared link cost the loop.")
     parser.add_argument("--seconds", type=float, default=4.0, help="of each stretch (default: 4)")

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable, Mapping
 from random import Random
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.config import Config, ConfigError
-from companion.config.plant import (
-    Angle,
-    Cascade,
-    DirectionSection,
-    QuadrotorPlant,
-    RadioSection,
-    RigPlant,
-    SensorsSection,
-    WindSection,
-)
+from companion.config.plant import Plant
+from companion.config.plant.disturbances import DirectionSection, RadioSection, SensorsSection, WindSection
+from companion.config.vehicles import Angle, Cascade, QuadrotorPlant, RigPlant, VehicleName
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
@@ -30,14 +26,12 @@ from sitl.world.environment import Environment, Turbulence, Wind
 from sitl.world.estimator import Estimator, Lag, Noise
 from sitl.world.wind import Gust
 
-_NO_RESPONSE = Response(1.0, 0.0, 0.0)
+_NO_RESPONSE = LinearResponse(FirstOrder, (1.0,))
 _NO_RATE_LOOP = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 
 
-def _response(angle: Angle | None) -> Response:
-    if angle is None:
-        return _NO_RESPONSE
-    return Response(angle.bandwidth_rad_s or 0.0, angle.natural_frequency_rad_s or 0.0, angle.damping_ratio or 0.0)
+def _response(angle: Angle | None) -> LinearResponse:
+    return _NO_RESPONSE if angle is None else angle.response
 
 
 def _rate_gains(cascade: Cascade | None) -> RateGains:
@@ -84,32 +78,49 @@ def quadrotor_params(section: QuadrotorPlant) -> QuadrotorParams:
     )
 
 
-def build_vehicle(config: Config) -> Vehicle:
-    """The vehicle that the config describes. Raises `ValueError` when it has no `plant` section."""
-    plant = config.plant
-    if plant is None:
-        raise ValueError("the config has no plant section: there is nothing to simulate")
-    hover, delay, mismatch = config.vehicle.hover_thrust, plant.setpoint_delay_s, plant.mismatch
-    if plant.rig is not None:
-        return Rig(rig_params(plant.rig), hover, delay + (plant.rig.pitch.delay_s if plant.rig.pitch else 0.0))
-    assert plant.quadrotor is not None  # the schema holds exactly one
-    believed = quadrotor_params(plant.quadrotor)
+def build_rig(plant: Plant, hover_thrust: float) -> Rig:
+    """The rig of a plant section that has one."""
+    flown = plant.rig
+    assert flown is not None
+    delay_s = plant.setpoint_delay_s + (flown.pitch.delay_s if flown.pitch else 0.0)
+    return Rig(rig_params(flown), hover_thrust, delay_s)
+
+
+def build_quadrotor(plant: Plant, hover_thrust: float) -> Quadrotor:
+    """The quadrotor of a plant section that has one, as it really is."""
+    flown, mismatch = plant.quadrotor, plant.mismatch
+    assert flown is not None
+    believed = quadrotor_params(flown)
     true = believed._replace(
         mass_kg=mismatch.mass * believed.mass_kg, drag_n_s2_m2=mismatch.drag * believed.drag_n_s2_m2
     )
-    flown = plant.quadrotor
     roll_s, pitch_s, yaw_s = (0.0 if angle is None else angle.delay_s for angle in (flown.roll, flown.pitch, flown.yaw))
     return Quadrotor(
         true,
-        hover,
-        delay,
+        hover_thrust,
+        plant.setpoint_delay_s,
         thrust_factor=mismatch.thrust / mismatch.mass,
         angle_delays_s=(roll_s, pitch_s, yaw_s),
     )
 
 
+BUILDERS: Final[Mapping[VehicleName, Callable[[Plant, float], Vehicle]]] = {
+    "rig": build_rig,
+    "quadrotor": build_quadrotor,
+}
+"""By kind of vehicle: from the plant section and the hover thrust to the physics."""
+
+
+def build_vehicle(config: Config) -> Vehicle:
+    """The vehicle that the config describes. Raises `ValueError` when it has no `plant` section."""
+    plant = config.plant
+    if plant is None:
+        raise ValueError("the config has no plant section: there is nothing to simulate")
+    return BUILDERS[plant.kind.name](plant, config.vehicle.hover_thrust)
+
+
 class World(NamedTuple):
-    """An autopilot with all that may go wrong around it; `None` where nothing does."""
+    """An autopilot with all that may go wrong around it; `None` where nothing does. Pickling copies it."""
 
     autopilot: Autopilot
     environment: Environment | None
@@ -153,13 +164,12 @@ def build_world(config: Config, *, complete: bool = False) -> World:
     environment = estimator = channels = None
     if complete or plant.wind is not None or plant.battery_sag_1_s:
         environment = Environment(vehicle, random("environment"), wind(plant.wind), plant.battery_sag_1_s)
-        stepped = environment
-        autopilot.on_control = lambda now_us: stepped.step(1e-6 * now_us)
+        autopilot.on_control = environment.step
     if complete or plant.sensors is not None:
         sensors = plant.sensors or SensorsSection()
         estimator = Estimator(
-            lambda: vehicle.state,
-            lambda: autopilot.time_us,
+            autopilot.truth,
+            autopilot.now_us,
             random("estimator"),
             Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
             Lag(sensors.delay_s, sensors.jitter_s),

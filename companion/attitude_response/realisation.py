@@ -1,20 +1,16 @@
-"""Closed-loop attitude dynamics as an exact linear system with unit gain at rest. Standard library only.
+"""Linear systems as exact rationals: canonical form, transport delay, one behind the other. Standard library only."""
 
-The realisations are chosen so that every entry is affine in each parameter by itself. The closed loop of eq. (24) is
-then affine in each parameter and in each weight by itself, and its values over a box of parameters lie in the hull of
-those at the corners."""
+from __future__ import annotations
 
-import itertools
 import math
 from fractions import Fraction
-from typing import NamedTuple
-
-from companion.certify.problem import AttitudeResponse, FirstOrder, Interval, SecondOrder, TransferFunction
+from typing import Final, NamedTuple
 
 Row = tuple[Fraction, ...]
 Matrix = tuple[Row, ...]
 
-ZERO, ONE = Fraction(0), Fraction(1)
+ZERO: Final = Fraction(0)
+ONE: Final = Fraction(1)
 
 
 class StateSpace(NamedTuple):
@@ -24,19 +20,6 @@ class StateSpace(NamedTuple):
     b: Row
     c: Row
     d: Fraction
-
-
-def corners(response: AttitudeResponse) -> list[StateSpace]:
-    """Realisations at every corner of the parameter box, one if all parameters are plain values.
-
-    Returns
-    -------
-    list of StateSpace
-        Strictly proper, unit gain at rest; the state has the order of the dynamics, plus `pade_order` if there is a
-        delay.
-    """
-    delays = [delay_line(delay, response.pade_order) for delay in _ends(response.delay_s)]
-    return [series(line, dynamics) for line in delays for dynamics in _dynamics_corners(response.dynamics)]
 
 
 def delay_line(delay: Fraction, order: int) -> StateSpace:
@@ -80,21 +63,15 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     return StateSpace((*upper, *lower), b, c, second.d * first.d)
 
 
-def _ends(value: Interval) -> list[Fraction]:
-    return sorted({Fraction(value.lower), Fraction(value.upper)})
-
-
-def _dynamics_corners(dynamics: FirstOrder | SecondOrder | TransferFunction) -> list[StateSpace]:
-    if isinstance(dynamics, FirstOrder):
-        return [StateSpace(((-m,),), (m,), (ONE,), ZERO) for m in _ends(dynamics.bandwidth_rad_s)]
-    if isinstance(dynamics, SecondOrder):
-        # states w and w'/wn: affine in wn and in zeta, which [w, w'] is not
-        return [
-            StateSpace(((ZERO, wn), (-wn, -2 * zeta * wn)), (ZERO, wn), (ONE, ZERO), ZERO)
-            for wn in _ends(dynamics.natural_frequency_rad_s)
-            for zeta in _ends(dynamics.damping_ratio)
-        ]
-    # the constant terms of numerator and denominator are one parameter: unit gain at rest at every corner
-    free = [_ends(c) for c in (*dynamics.numerator[:-1], *dynamics.denominator)]
-    split = len(dynamics.numerator) - 1
-    return [companion_form([*values[:split], values[-1]], list(values[split:])) for values in itertools.product(*free)]
+def is_hurwitz(polynomial: list[Fraction]) -> bool:
+    """Whether all roots lie in the open left half plane: exact Routh table, highest power first."""
+    if polynomial[0] < 0:
+        polynomial = [-c for c in polynomial]
+    upper, lower = polynomial[0::2], polynomial[1::2]
+    while lower:
+        if upper[0] <= 0 or lower[0] <= 0:
+            return False
+        ratio = upper[0] / lower[0]
+        padded = lower[1:] + [Fraction(0)] * (len(upper) - len(lower))
+        upper, lower = lower, [u - ratio * p for u, p in zip(upper[1:], padded, strict=True)]
+    return upper[0] > 0

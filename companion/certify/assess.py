@@ -6,6 +6,7 @@ from decimal import Decimal
 from functools import partial
 from typing import NamedTuple
 
+from companion.attitude_response.response import MAX_PADE_ORDER
 from companion.certify.bandwidth import (
     Certified,
     fastest_reference,
@@ -16,7 +17,7 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.certificate import certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
-from companion.certify.problem import MAX_PADE_ORDER, AxisProblem, Problem
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import Json

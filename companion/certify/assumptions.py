@@ -2,7 +2,9 @@
 
 from decimal import Decimal
 
-from companion.certify.problem import AxisProblem, FirstOrder, Interval, Problem, SecondOrder
+from companion.attitude_response.exact import Interval
+from companion.attitude_response.kind import ParametricKind
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import Json, decimal_text
 
 
@@ -39,14 +41,10 @@ def _axis_assumptions(name: str, axis: AxisProblem) -> list[dict[str, Json]]:
 def response_parameters(axis: AxisProblem) -> list[tuple[str, Interval, str]]:
     """Named parameters of the attitude response: (name, value, unit); empty for a transfer function."""
     dynamics = axis.response.dynamics
-    if isinstance(dynamics, FirstOrder):
-        return [("attitude_bandwidth", dynamics.bandwidth_rad_s, "rad/s")]
-    if isinstance(dynamics, SecondOrder):
-        return [
-            ("attitude_natural_frequency", dynamics.natural_frequency_rad_s, "rad/s"),
-            ("attitude_damping_ratio", dynamics.damping_ratio, "1"),
-        ]
-    return []
+    if not isinstance(dynamics, ParametricKind):
+        return []
+    values = zip(dynamics.parameters, dynamics.intervals(), strict=True)
+    return [(parameter.name, value, parameter.unit) for parameter, value in values]
 
 
 def _limit(quantity: str, axis: str, minimum: Decimal | None, maximum: Decimal | None, unit: str) -> dict[str, Json]:

@@ -6,27 +6,21 @@ Every figure is a bisection whose verdicts are exact proofs: what is reported wa
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from decimal import ROUND_FLOOR, Decimal
 from fractions import Fraction
 from typing import NamedTuple
 
+from companion.attitude_response.exact import Interval
+from companion.attitude_response.kind import PLACES, ceiling
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.certificate import Scaling, prove
 from companion.certify.closed_loop import axis_vertices
-from companion.certify.problem import (
-    AttitudeResponse,
-    AxisProblem,
-    FirstOrder,
-    Interval,
-    SecondOrder,
-    TransferFunction,
-)
+from companion.certify.problem import AxisProblem
 from companion.certify.proof import Proof
 
 TOLERANCE = 5e-4  # relative, of every bisection
 REACH = 32.0  # how many times the tuned value is searched before giving up
-PLACES = Decimal("0.0001")  # resolution of reported bandwidths and natural frequencies, rad/s
 DELAY_PLACES = Decimal("0.00001")  # s
-EXACT = Context(prec=200)
 
 
 class Certified(NamedTuple):
@@ -38,25 +32,14 @@ class Certified(NamedTuple):
 
 def tuned_bandwidth(response: AttitudeResponse) -> Decimal:
     """The number called bandwidth, rad/s: M, natural frequency, or -3 dB frequency; of an interval the lower end."""
-    dynamics = response.dynamics
-    if isinstance(dynamics, FirstOrder):
-        return dynamics.bandwidth_rad_s.lower
-    if isinstance(dynamics, SecondOrder):
-        return dynamics.natural_frequency_rad_s.lower
-    return _half_power_frequency(dynamics)
+    return response.dynamics.bandwidth()
 
 
 def with_bandwidth(problem: AxisProblem, bandwidth: Decimal) -> AxisProblem:
     """The same problem with another attitude bandwidth in rad/s; damping, delay and width of intervals are kept."""
-    response, dynamics = problem.response, problem.response.dynamics
-    faster: FirstOrder | SecondOrder | TransferFunction
-    if isinstance(dynamics, FirstOrder):
-        faster = FirstOrder(_moved(dynamics.bandwidth_rad_s, bandwidth))
-    elif isinstance(dynamics, SecondOrder):
-        faster = SecondOrder(_moved(dynamics.natural_frequency_rad_s, bandwidth), dynamics.damping_ratio)
-    else:
-        faster = _sped_up(dynamics, _ceiling(bandwidth / tuned_bandwidth(response), Decimal("1e-9")))
-    return replace(problem, response=replace(response, dynamics=faster))
+    return replace(
+        problem, response=replace(problem.response, dynamics=problem.response.dynamics.with_bandwidth(bandwidth))
+    )
 
 
 def with_delay(problem: AxisProblem, delay_s: Decimal) -> AxisProblem:
@@ -112,10 +95,10 @@ def minimum_bandwidth(
         None if no bandwidth up to `REACH` times the tuned one is certified.
     """
     start = float(tuned_bandwidth(problem.response)) if below is None else below
-    scaling = Scaling(axis_vertices(with_bandwidth(problem, _ceiling(Decimal(start), PLACES))))
+    scaling = Scaling(axis_vertices(with_bandwidth(problem, ceiling(Decimal(start), PLACES))))
 
     def attempt(value: float) -> Certified | None:
-        bandwidth = _ceiling(Decimal(value), PLACES)
+        bandwidth = ceiling(Decimal(value), PLACES)
         proof = prove(axis_vertices(with_bandwidth(problem, bandwidth)), degree, scaling)
         return None if proof is None else Certified(bandwidth, proof)
 
@@ -199,43 +182,3 @@ def _largest(
         else:
             good, low = better, middle
     return good
-
-
-def _moved(value: Interval, lower: Decimal) -> Interval:
-    if value.lower == value.upper:
-        return Interval(lower, lower)
-    return Interval(lower, _ceiling(lower * value.upper / value.lower, PLACES))
-
-
-def _sped_up(dynamics: TransferFunction, factor: Decimal) -> TransferFunction:
-    """The same response in a time that runs `factor` times faster, exactly."""
-
-    def scaled(coefficients: tuple[Interval, ...], order: int) -> tuple[Interval, ...]:
-        powers = [EXACT.power(factor, order - (len(coefficients) - 1 - i)) for i in range(len(coefficients))]
-        return tuple(Interval(*(EXACT.multiply(e, p) for e in c)) for c, p in zip(coefficients, powers, strict=True))
-
-    order = len(dynamics.denominator) - 1
-    return TransferFunction(scaled(dynamics.numerator, order), scaled(dynamics.denominator, order))
-
-
-def _half_power_frequency(dynamics: TransferFunction) -> Decimal:
-    def gain(frequency: float) -> float:
-        s = complex(0, frequency)
-        top, bottom = (
-            sum(float(c.lower) * s ** (len(p) - 1 - i) for i, c in enumerate(p))
-            for p in (dynamics.numerator, dynamics.denominator)
-        )
-        return abs(top / bottom)
-
-    high = 1e-3
-    while gain(high) > math.sqrt(0.5):
-        high *= 1.1
-    low = high / 1.1
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if gain(middle) > math.sqrt(0.5) else (low, middle)
-    return _ceiling(Decimal(high), PLACES)
-
-
-def _ceiling(value: Decimal, places: Decimal) -> Decimal:
-    return value.quantize(places, ROUND_CEILING, EXACT)

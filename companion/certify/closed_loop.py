@@ -13,7 +13,8 @@ import itertools
 from collections.abc import Iterable
 from fractions import Fraction
 
-from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace, corners
+from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
+from companion.attitude_response.response import corners
 from companion.certify.problem import AxisProblem
 
 YAW_OCTAGON = tuple(

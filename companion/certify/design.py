@@ -8,8 +8,9 @@ from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import Final, NamedTuple
 
+from companion.attitude_response.exact import Interval
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
-from companion.certify.problem import AxisProblem, Interval, Problem, Sampling, nominal_weights
+from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.sampled import largest_adaptation_rate
 
 PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s

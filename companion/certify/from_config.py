@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from companion.certify.problem import (
-    NO_DELAY,
-    AttitudeResponse,
-    AxisProblem,
-    FirstOrder,
-    Interval,
-    Problem,
-    Sampling,
-    SecondOrder,
-    TransferFunction,
-    decimal,
-)
-from companion.certify.problem import interval as exact_interval
+from companion.attitude_response.exact import NO_DELAY, Interval, decimal
+from companion.attitude_response.exact import interval as exact_interval
+from companion.attitude_response.response import AttitudeResponse
+from companion.certify.problem import AxisProblem, Problem, Sampling
 from companion.config.attitude import ResponseSection
 from companion.config.controller import AxisSection, interval
 from companion.config.load import ConfigError
@@ -65,15 +56,8 @@ def _axis(axis: AxisSection, response: ResponseSection) -> AxisProblem:
 
 
 def _response(section: ResponseSection) -> AttitudeResponse:
-    dynamics: FirstOrder | SecondOrder | TransferFunction
-    if section.bandwidth_rad_s is not None:
-        dynamics = FirstOrder(_interval(section.bandwidth_rad_s))
-    elif section.natural_frequency_rad_s is not None and section.damping_ratio is not None:
-        dynamics = SecondOrder(_interval(section.natural_frequency_rad_s), _interval(section.damping_ratio))
-    else:
-        dynamics = TransferFunction(
-            tuple(_interval(c) for c in section.numerator or ()), tuple(_interval(c) for c in section.denominator or ())
-        )
+    kind = section.kind
+    dynamics = kind.of(tuple(map(_interval, v)) if kind.of_lists else _interval(v) for v in section.values)
     delay = _interval(section.delay_s) if section.delay_s else NO_DELAY
     return AttitudeResponse(dynamics, delay, section.pade_order)
 

@@ -5,17 +5,11 @@ import json
 from collections.abc import Mapping, Sequence
 from decimal import Context, Decimal
 
-from companion.certify.problem import (
-    AttitudeResponse,
-    AxisProblem,
-    FirstOrder,
-    Interval,
-    Problem,
-    Sampling,
-    SecondOrder,
-    TransferFunction,
-    decimal,
-)
+from companion.attitude_response.exact import Interval, decimal
+from companion.attitude_response.kind import Value
+from companion.attitude_response.kinds import KINDS
+from companion.attitude_response.response import AttitudeResponse
+from companion.certify.problem import AxisProblem, Problem, Sampling
 
 EXACT = Context(prec=300)
 
@@ -65,21 +59,8 @@ def digest(content: object) -> str:
 
 def _axis_json(axis: AxisProblem) -> dict[str, Json]:
     response, dynamics = axis.response, axis.response.dynamics
-    described: dict[str, Json]
-    if isinstance(dynamics, FirstOrder):
-        described = {"kind": "first_order", "bandwidth_rad_s": _interval_json(dynamics.bandwidth_rad_s)}
-    elif isinstance(dynamics, SecondOrder):
-        described = {
-            "kind": "second_order",
-            "natural_frequency_rad_s": _interval_json(dynamics.natural_frequency_rad_s),
-            "damping_ratio": _interval_json(dynamics.damping_ratio),
-        }
-    else:
-        described = {
-            "kind": "transfer_function",
-            "numerator": [_interval_json(c) for c in dynamics.numerator],
-            "denominator": [_interval_json(c) for c in dynamics.denominator],
-        }
+    values = zip(dynamics.key_names(), dynamics.values(), strict=True)
+    described: dict[str, Json] = {"kind": dynamics.name} | {key: _value_json(value) for key, value in values}
     return {
         "natural_frequency_rad_s": decimal_text(axis.natural_frequency_rad_s),
         "damping_ratio": decimal_text(axis.damping_ratio),
@@ -129,27 +110,25 @@ def _axis_of(stated: object) -> AxisProblem:
 
 
 def _response_of(stated: object) -> AttitudeResponse:
-    kind = stated.get("kind") if isinstance(stated, Mapping) else None
-    common = {"kind", "delay_s", "pade_order"}
-    dynamics: FirstOrder | SecondOrder | TransferFunction
-    if kind == "first_order":
-        fields = _object(stated, "response", {*common, "bandwidth_rad_s"})
-        dynamics = FirstOrder(_interval_of(fields["bandwidth_rad_s"]))
-    elif kind == "second_order":
-        fields = _object(stated, "response", {*common, "natural_frequency_rad_s", "damping_ratio"})
-        dynamics = SecondOrder(_interval_of(fields["natural_frequency_rad_s"]), _interval_of(fields["damping_ratio"]))
-    elif kind == "transfer_function":
-        fields = _object(stated, "response", {*common, "numerator", "denominator"})
-        dynamics = TransferFunction(
-            tuple(_interval_of(c) for c in _list(fields["numerator"], "numerator")),
-            tuple(_interval_of(c) for c in _list(fields["denominator"], "denominator")),
-        )
-    else:
-        raise ValueError("response: kind must be first_order, second_order or transfer_function")
+    name = stated.get("kind") if isinstance(stated, Mapping) else None
+    kind = next((kind for kind in KINDS if kind.name == name), None)
+    if kind is None:
+        *names, last = (kind.name for kind in KINDS)
+        raise ValueError(f"response: kind must be {', '.join(names)} or {last}")
+    fields = _object(stated, "response", {"kind", "delay_s", "pade_order", *kind.key_names()})
+    dynamics = kind.of(_value_of(fields[key], key, of_lists=kind.of_lists) for key in kind.key_names())
     pade_order = fields["pade_order"]
     if not isinstance(pade_order, int) or isinstance(pade_order, bool):
         raise ValueError("response: pade_order must be an integer")
     return AttitudeResponse(dynamics, _interval_of(fields["delay_s"]), pade_order)
+
+
+def _value_json(value: Value) -> Json:
+    return _interval_json(value) if isinstance(value, Interval) else [_interval_json(c) for c in value]
+
+
+def _value_of(stated: object, key: str, *, of_lists: bool) -> Value:
+    return tuple(_interval_of(c) for c in _list(stated, key)) if of_lists else _interval_of(stated)
 
 
 def _interval_json(value: Interval) -> Json:

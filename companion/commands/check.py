@@ -7,7 +7,7 @@ import json
 import sys
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -17,7 +17,8 @@ from companion.certify import proof
 from companion.certify.from_config import problem
 from companion.certify.problem import Problem
 from companion.certify.statement import statement
-from companion.config import Config, ConfigError
+from companion.commands.options import ConfigFile, add_config, add_json, config_file
+from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
     from companion.certify.assess import Assessment, AxisAssessment
@@ -25,9 +26,48 @@ if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify
 ANGLES = {"x": "pitch", "y": "roll"}
 
 
-def check(config: Config, arguments: argparse.Namespace) -> int:
+class Arguments(NamedTuple):
+    """Of `companion check`."""
+
+    config: ConfigFile
+    degree: int
+    all_degrees: bool
+    fastest: bool
+    out: Path | None
+    verify: Path | None
+    plot: Path | None
+    json: bool
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion check`."""
+    add_config(parser)
+    parser.add_argument("--degree", type=int, default=8, help="highest degree of the Lyapunov function (default: 8)")
+    parser.add_argument("--all-degrees", action="store_true", help="the needed bandwidth of each degree up to --degree")
+    parser.add_argument("--fastest", action="store_true", help="also find the fastest certified reference model")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the certificate, if there is one")
+    parser.add_argument("--verify", type=Path, metavar="FILE", help="only verify this certificate against the config")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the needed bandwidth against delay")
+    add_json(parser)
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(
+        config_file(namespace),
+        namespace.degree,
+        namespace.all_degrees,
+        namespace.fastest,
+        namespace.out,
+        namespace.verify,
+        namespace.plot,
+        namespace.json,
+    )
+
+
+def run(arguments: Arguments) -> int:
     """Run the pre-flight check. 0 certified, 1 not certified. Raises `ConfigError` for bad input."""
-    stated = problem(config)
+    stated = problem(arguments.config.load())
     if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
     if arguments.verify is not None:
@@ -51,7 +91,7 @@ def check(config: Config, arguments: argparse.Namespace) -> int:
     return 0 if assessment.certified else 1
 
 
-def _assess(stated: Problem, arguments: argparse.Namespace, console: Console) -> Assessment:
+def _assess(stated: Problem, arguments: Arguments, console: Console) -> Assessment:
     from companion.certify.assess import assess  # noqa: PLC0415
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
@@ -107,7 +147,7 @@ def _plot(stated: Problem, assessment: Assessment, path: Path, console: Console)
         raise ConfigError(f"{path}: cannot write the picture: {error}") from None
 
 
-def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: argparse.Namespace) -> Table:
+def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: Arguments) -> Table:
     table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(justify="right")

@@ -6,7 +6,7 @@ import argparse
 import json
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,19 +19,63 @@ from companion.certify.design import Design, design
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
 from companion.certify.statement import Json
+from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
+from companion.config.vehicles import ANGLES
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
-from companion.identify.series import OURS, LogError
-from companion.identify.write import CONFIG_AXES, note, response
+from companion.identify.series import OURS
+from companion.identify.write import note, response
 
 _SEARCH_DEGREES: Final = (2,)  # degree 4 gives 3 % more for twenty times the work
 
 
-def run(arguments: argparse.Namespace) -> int:
+class Arguments(NamedTuple):
+    """Of `companion design`."""
+
+    logs: list[Path]
+    template: Path
+    out: Path
+    margin: float
+    intervals: bool
+    link_delay: float
+    degree: int
+    force: bool
+    json: bool
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion design`."""
+    add_logs(parser)
+    parser.add_argument("--template", type=Path, required=True, metavar="CONFIG", help="everything but the response")
+    parser.add_argument("--out", type=Path, required=True, metavar="CONFIG", help="the config to write")
+    parser.add_argument("--margin", type=float, default=0.1, help="in hand, of bandwidth and delay (default: 0.1)")
+    parser.add_argument("--intervals", action="store_true", help="certify the whole of the identified intervals")
+    parser.add_argument("--link-delay", type=float, default=0.0, metavar="S", help="both ways, where no log has it")
+    parser.add_argument("--degree", type=int, default=6, help="highest degree of the certificate (default: 6)")
+    parser.add_argument("--force", action="store_true", help="replace what --out names")
+    add_json(parser)
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(
+        namespace.logs,
+        namespace.template,
+        namespace.out,
+        namespace.margin,
+        namespace.intervals,
+        namespace.link_delay,
+        namespace.degree,
+        namespace.force,
+        namespace.json,
+    )
+
+
+def run(arguments: Arguments) -> int:
     """Identify, design, write config and certificate. 0 done, 1 nothing certified. Raises `ConfigError`."""
-    out: Path = arguments.out
+    out = arguments.out
     if out.exists() and not arguments.force:
         raise ConfigError(f"{out}: exists: choose another name, or --force")
     if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
@@ -43,10 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     template = load_config(arguments.template)
     if not 0.0 <= arguments.link_delay < 0.5:
         raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
-    try:
-        identification = identify_log(arguments.logs, template.vehicle.system_id)
-    except LogError as error:
-        raise ConfigError(str(error)) from None
+    identification = identify_log(arguments.logs, template.vehicle.system_id)
     text = arguments.template.read_text(encoding="utf-8")
     with_response = _with_response(text, template, identification, arguments)
     stated = problem(load_text(with_response, out, out.parent))
@@ -69,12 +110,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _with_response(text: str, template: Config, identification: Identification, arguments: argparse.Namespace) -> str:
+def _with_response(text: str, template: Config, identification: Identification, arguments: Arguments) -> str:
     """The template with the identified responses, in its plant too, and with the gains they were identified at."""
     changes: dict[KeyPath, str] = {}
     notes: dict[KeyPath, str] = {}
     known = key_paths(text)
-    for axis, angle in CONFIG_AXES.items():
+    for axis, angle in ANGLES.items():
         section = getattr(template.attitude, axis)
         if section is None:
             continue
@@ -87,7 +128,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
         values["delay_s"] = _plus(values.get("delay_s", 0.0), more_s)
         changes["attitude", axis] = flow({"pade_order": section.pade_order, **values})
         notes["attitude", axis] = note(identification, found)
-        plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
+        plant = ("plant", template.vehicle.kind, angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
             changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
@@ -102,7 +143,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
     return text
 
 
-def _design(stated: Problem, arguments: argparse.Namespace, console: Console) -> Design | None:
+def _design(stated: Problem, arguments: Arguments, console: Console) -> Design | None:
     columns = (TextColumn("{task.description:<36}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("designing", total=1.0)
@@ -163,7 +204,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _limits(chosen: Design) -> str:
-    return f"{chosen.limited_by} (axis {chosen.slowest}, {CONFIG_AXES[chosen.slowest]})"
+    return f"{chosen.limited_by} (axis {chosen.slowest}, {ANGLES[chosen.slowest]})"
 
 
 def _to_json(chosen: Design, template: Config, identification: Identification, out: Path) -> dict[str, object]:
@@ -187,11 +228,11 @@ def _to_json(chosen: Design, template: Config, identification: Identification, o
 def _in_words(fit: ModelFit) -> str:
     words = [
         f"{1e3 * value:.1f} ms"
-        if key == "delay_s"
+        if parameter.unit == "s"
         else f"{value:.2f} rad/s"
-        if key.endswith("rad_s")
-        else f"ζ {value:.2f}"
-        for key, value in fit.named().items()
+        if parameter.unit == "rad/s"
+        else f"{parameter.symbol} {value:.2f}"
+        for parameter, value in zip(fit.model.described, fit.values, strict=True)
     ]
     return f"{', '.join(words)} (fit {fit.fit:.4f})"
 
@@ -200,7 +241,7 @@ def _show(
     chosen: Design,
     template: Config,
     identification: Identification,
-    arguments: argparse.Namespace,
+    arguments: Arguments,
     console: Console,
 ) -> None:
     table = Table(title=f"{arguments.out}", show_header=False, title_justify="left")
@@ -209,7 +250,7 @@ def _show(
     for angle, axis in identification.axes.items():
         table.add_row(f"{angle}, {axis.chosen.model.title}", _in_words(axis.chosen))
     for name, value in chosen.fastest_rad_s.items():
-        table.add_row(f"fastest reference, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
+        table.add_row(f"fastest reference, axis {name} ({ANGLES[name]})", f"{value} rad/s")
     table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
                                        f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
     table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")

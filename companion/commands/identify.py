@@ -6,68 +6,68 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
-import yaml
-from rich.console import Console
-
-from companion.config import Config, ConfigError, load_config
-from companion.identify.identification import Identification, identify_log
-from companion.identify.report import show, to_json
-from companion.identify.series import LogError
+from companion.commands.options import add_json, add_logs
+from companion.config import ConfigError, load_config
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command. 0 done, 2 when an axis that the vehicle has is missing. Raises `ConfigError`."""
+class Arguments(NamedTuple):
+    """Of `companion identify`."""
+
+    logs: list[Path]
+    config: Path | None
+    write: bool
+    plot: Path | None
+    json: bool
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion identify`."""
+    add_logs(parser)
+    parser.add_argument("--config", type=Path, help="the vehicle: its system id and whether it rolls")
+    parser.add_argument("--write", action="store_true", help="put the response into the config's attitude section")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw measured against fitted")
+    add_json(parser)
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(namespace.logs, namespace.config, namespace.write, namespace.plot, namespace.json)
+
+
+def run(arguments: Arguments) -> int:
+    """Run the command. 0 done, 2 when an axis that the vehicle has is missing. Raises `ConfigError` or `LogError`."""
     if arguments.write and arguments.config is None:
         raise ConfigError("--write: give the config to write into, --config FILE")
     config = None if arguments.config is None else load_config(arguments.config)
-    system_id, wanted = _vehicle(arguments.logs, config)
-    try:
-        identification = identify_log(arguments.logs, system_id)
-    except LogError as error:
-        raise ConfigError(str(error)) from None
-    missing = [identification.refused[axis] for axis in wanted if axis in identification.refused]
+    # numpy, scipy and the readers of logs: `--help` and a mistyped argument need not wait for them
+    from rich.console import Console  # noqa: PLC0415
+
+    from companion.identify.identification import identify_log  # noqa: PLC0415
+    from companion.identify.report import show, to_json  # noqa: PLC0415
+    from companion.identify.vehicle import vehicle_of  # noqa: PLC0415
+    from companion.identify.write import write  # noqa: PLC0415
+
+    vehicle = vehicle_of(arguments.logs, config)
+    identification = identify_log(arguments.logs, vehicle.system_id)
+    missing = [identification.refused[axis] for axis in vehicle.axes if axis in identification.refused]
     console = Console(stderr=arguments.json)
     if arguments.json:
         print(json.dumps(to_json(identification)))
     else:
         show(identification, console)
     if arguments.plot is not None:
-        _plot(identification, arguments.plot)
+        from companion.identify.plot import plot  # noqa: PLC0415 - matplotlib takes its time
+
+        try:
+            plot(identification, arguments.plot)
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"{arguments.plot}: cannot write the picture: {error}") from None
     if missing:
         print(f"companion: {missing[0]}", file=sys.stderr)
         return 2
-    if arguments.write:
-        from companion.identify.write import write  # noqa: PLC0415
-
+    if arguments.write and arguments.config is not None:
         write(arguments.config, identification)
         console.print(f"written into the attitude section of {arguments.config}")
     return 0
-
-
-def _vehicle(logs: list[Path], config: Config | None) -> tuple[int | None, tuple[str, ...]]:
-    """The vehicle's system id, if it is known, and the axes it has: by the config, or the one in the flight folder."""
-    if config is not None:
-        return config.vehicle.system_id, _axes(config.vehicle.kind)
-    for log in logs:
-        flown = log / "config.yaml"
-        if flown.is_file():
-            try:
-                vehicle = yaml.safe_load(flown.read_text(encoding="utf-8"))["vehicle"]
-                return int(vehicle.get("system_id", 1)), _axes(str(vehicle["kind"]))
-            except (OSError, ValueError, TypeError, KeyError, AttributeError, yaml.YAMLError):
-                continue
-    return None, _axes("quadrotor")
-
-
-def _axes(kind: str) -> tuple[str, ...]:
-    return ("pitch",) if kind == "rig" else ("roll", "pitch")
-
-
-def _plot(identification: Identification, path: Path) -> None:
-    from companion.identify.plot import plot  # noqa: PLC0415
-
-    try:
-        plot(identification, path)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot write the picture: {error}") from None

@@ -1,31 +1,53 @@
-"""`companion logs`: list the vehicle's logs, fetch those that are not here yet, go on where it broke off, check them.
-
-A log on its way is NAME.part. It only ever grows by what follows without a gap, so that it is right as far as it goes.
-"""
+"""`companion logs`: list the vehicle's logs, fetch those not here yet, go on where it broke off, check them."""
 
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 from rich.table import Table
 
-from companion.config import Config, ConfigError
+from companion.commands.options import ConfigFile, add_config, add_tool_link, config_file
+from companion.config import ConfigError
 from companion.mavlink import ulog
 from companion.mavlink.client import Client
-from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
+from companion.mavlink.log_client import fetch, list_logs, newest
+from companion.mavlink.log_protocol import LogEntry
 
 
-def logs(config: Config, arguments: argparse.Namespace) -> int:
+class Arguments(NamedTuple):
+    """Of `companion logs`."""
+
+    config: ConfigFile
+    link: str | None
+    list: bool
+    latest: bool
+    out: Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion logs`."""
+    add_config(parser)
+    add_tool_link(parser)
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--list", action="store_true", help="only list them")
+    which.add_argument("--latest", action="store_true", help="only the newest; default: all that are not here yet")
+    parser.add_argument("--out", type=Path, default=Path("logs"), help="folder for the logs (default: logs)")
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(config_file(namespace), namespace.link, namespace.list, namespace.latest, namespace.out)
+
+
+def run(arguments: Arguments) -> int:
     """List, or fetch. 0 when everything asked for is here and whole, else 1. Raises `LinkError` without a vehicle."""
     console = Console()
-    client = Client(config, arguments.link)
+    client = Client(arguments.config.load(), arguments.link)
     try:
         with console.status("waiting for the vehicle"):
             client.connect()
@@ -44,68 +66,6 @@ def logs(config: Config, arguments: argparse.Namespace) -> int:
         return 0 if all(results) else 1
     finally:
         client.close()
-
-
-def newest(entries: list[LogEntry]) -> LogEntry:
-    """By time of writing; where the vehicle did not know the time, the last in its list."""
-    return max(entries, key=lambda entry: (entry.time_utc_s, entry.id))
-
-
-def list_logs(client: Client) -> list[LogEntry]:
-    """All logs of the vehicle, oldest first. Raises `LinkError` when a list has begun and does not come to its end."""
-    listing = LogList(*client.vehicle)
-    while not listing.over(now_s := time.monotonic()):
-        for request in listing.requests(now_s):
-            client.send(request)
-        for frame in client.frames():
-            if frame.message_id == LOG_ENTRY.message_id:
-                listing.take(frame, time.monotonic())
-    if not listing.done and listing.total:
-        raise LinkError(f"{client.name}: {len(listing.entries)} of {listing.total} logs told, then silence")
-    return sorted(listing.entries.values(), key=lambda entry: (entry.time_utc_s, entry.id))
-
-
-def fetch(client: Client, entry: LogEntry, folder: Path, on_progress: Callable[[int], None] = lambda _: None) -> Path:
-    """One log into `folder`, from where its partial file ends. Returns the file, complete by size.
-
-    `on_progress` is told the bytes on disk. Raises `LinkError` when the vehicle stops answering; what has come stays.
-    """
-    path, part = folder / entry.file_name, folder / f"{entry.file_name}.part"
-    if path.exists() and path.stat().st_size == entry.size_bytes:
-        return path
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        start = min(part.stat().st_size, entry.size_bytes) if part.exists() else 0
-        download = LogFetch(*client.vehicle, entry, start)
-        with part.open("ab") as stream:
-            stream.truncate(start)
-            try:
-                _carry(client, download, stream.write, on_progress)
-            finally:
-                client.send(download.end())
-        part.replace(path)
-    except OSError as error:
-        raise ConfigError(f"{error.filename or folder}: {error.strerror}") from None
-    return path
-
-
-def _carry(
-    client: Client, download: LogFetch, write: Callable[[bytes], object], on_progress: Callable[[int], None]
-) -> None:
-    on_progress(download.offset)
-    while not download.done:
-        now_s = time.monotonic()
-        if download.stalled(now_s):
-            raise LinkError(
-                f"{client.name}: the vehicle stopped sending its log at byte {download.offset}; "
-                "the same command goes on from there"
-            )
-        for request in download.requests(now_s):
-            client.send(request)
-        for frame in client.frames():
-            if frame.message_id == LOG_DATA.message_id and (new := download.take(frame, time.monotonic())):
-                write(new)
-                on_progress(download.offset)
 
 
 def _fetch_shown(client: Client, entry: LogEntry, folder: Path, console: Console) -> bool:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
+from typing import NamedTuple
 
 from companion.certify.from_config import certificate_path
+from companion.commands.options import ConfigFile, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
 from companion.flight.authority.states import ORDINARY, Reason
+from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Speaker
 from companion.flight.process import FlightProcess
@@ -22,23 +26,62 @@ from companion.record.recorder import EVENT
 from companion.record.schema import pack_event
 
 _WANTED = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
+_NEVER_ENGAGED = 2
 
 
-def run_flight(config: Config, arguments: argparse.Namespace) -> int:
+class Arguments(NamedTuple):
+    """Of `companion run`."""
+
+    config: ConfigFile
+    link: str | None
+    certificate: Path | None
+    uncertified: bool
+    engage: bool
+    hedging: bool | None
+    out: Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion run`."""
+    add_config(parser)
+    parser.add_argument("--link", help="udpin://host:port, udpout://host:port or serial:///dev/...:baud")
+    parser.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="default: beside the config, NAME.certificate.json"
+    )
+    parser.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
+    parser.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    parser.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
+    add_flight(parser)
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(
+        config_file(namespace),
+        namespace.link,
+        namespace.certificate,
+        namespace.uncertified,
+        namespace.engage,
+        namespace.hedging,
+        namespace.out,
+    )
+
+
+def run(arguments: Arguments) -> int:
     """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a fault or a failsafe, 2 when control never began."""
+    config = arguments.config.load()
+    config_path = arguments.config.path
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
-    certificate = arguments.certificate or certificate_path(arguments.config)
+    certificate = arguments.certificate or certificate_path(config_path)
     warning = uncovered(config, certificate, hedging=hedging)
     if warning is not None and not arguments.uncertified:
-        raise ConfigError(
-            f"{warning}: run `companion check {arguments.config} --out {certificate}`, or fly --uncertified"
-        )
+        raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:
         print(f"companion: UNCERTIFIED FLIGHT: {warning}", file=sys.stderr)
     link = open_link(arguments.link or config.link.url)
     try:
-        folder = new_folder(arguments.out, arguments.config.stem)
-        recorder = open_folder(folder, arguments.config, config, blocking=False)
+        folder = new_folder(arguments.out, config_path.stem)
+        recorder = open_folder(folder, config_path, config, blocking=False)
         speaker = Speaker()
         notifier = Notifier()
         door = _door(link, speaker)
@@ -70,10 +113,18 @@ def run_flight(config: Config, arguments: argparse.Namespace) -> int:
                 print(f"companion: {complaint}", file=sys.stderr)
     finally:
         link.close()
-    if not summary.engaged and summary.reason not in _WANTED:
+    code = exit_code(summary)
+    if code == _NEVER_ENGAGED:
         print(f"companion: {summary.detail}", file=sys.stderr)
-        return 2
-    print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
+    else:
+        print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
+    return code
+
+
+def exit_code(summary: Summary) -> int:
+    """0 for an ordinary end, 1 for a fault or a failsafe, 2 when control never began and was not to."""
+    if not summary.engaged and summary.reason not in _WANTED:
+        return _NEVER_ENGAGED
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
 
 

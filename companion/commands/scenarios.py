@@ -2,44 +2,57 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from companion.commands.options import ConfigFile
 from companion.config import ConfigError
 from companion.record.folder import new_folder
-from sitl.scenarios.campaign import Bases, fly_all
-from sitl.scenarios.catalogue.index import by_name, pick
+from sitl.scenarios.campaign import fly_all
+from sitl.scenarios.flight import Bases
+from sitl.scenarios.index import by_name, pick
 from sitl.scenarios.scenario import QUADROTOR, RIG, Flown
 
 _WIDE = 130  # a terminal that has room for what happens in each
 
 
-def run_scenarios(arguments: argparse.Namespace, shipped: Path) -> int:
+class Arguments(NamedTuple):
+    """Of `companion sitl --scenarios`."""
+
+    names: list[str]  # * and ? allowed; empty: all
+    config: ConfigFile
+    hedging: bool | None
+    out: Path | None
+    json: bool
+
+
+def run(arguments: Arguments, shipped: Path) -> int:
     """Fly the scenarios named, or all. `shipped`: where the configs they build on are. 1 when one fails.
 
     With `--out` every flight folder stays there; without it those of failed scenarios stay, in a new folder.
     """
     try:
-        names = pick(arguments.scenarios)
+        names = pick(arguments.names)
     except KeyError as error:
         raise ConfigError(f"--scenarios {error.args[0]}: no such scenario (without a name all are flown)") from None
-    quadrotor = arguments.config if arguments.config.parent != shipped else shipped / QUADROTOR
-    overrides = list(arguments.overrides)
+    given = arguments.config.path
+    quadrotor = given if given.parent != shipped else shipped / QUADROTOR
+    overrides = list(arguments.config.overrides)
     if arguments.hedging is not None:
         overrides.append(f"controller.hedging={str(arguments.hedging).lower()}")
     bases = Bases({QUADROTOR: quadrotor, RIG: shipped / RIG}, tuple(overrides))
     console = Console(stderr=arguments.json)
     with tempfile.TemporaryDirectory(prefix="companion-scenarios-") as temporary:
-        folder: Path = arguments.out or Path(temporary)
+        folder = arguments.out or Path(temporary)
         flown = _fly(names, bases, folder, console)
         kept = folder if arguments.out else _keep_failed(flown, folder)
     if arguments.json:

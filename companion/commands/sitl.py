@@ -1,229 +1,121 @@
-"""`companion sitl`: serve the plant, or fly the experiment and show the paper's numbers beside ours."""
+"""`companion sitl`: fly the experiment, fly scenarios, or serve the plant alone; each of the three has its own file."""
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
 from pathlib import Path
+from typing import NamedTuple
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-
-from companion.config import Config, ConfigError
-from companion.config.schema import PaperSection
-from companion.flight.authority.states import Reason
-from companion.flight.host.runtime import Status
-from companion.mavlink.link import LinkError
-from companion.mavlink.signing import read_key
-from companion.record.folder import new_folder
-from sitl.build import build_world
-from sitl.experiment.experiment import ExperimentError, Job, Outcome, fly_all, realtime_factor
-from sitl.messages.log_download import read_log
-from sitl.wire.clocks import LockstepTimeoutError
-from sitl.wire.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
-from sitl.wire.server import serve
-
-PX4_ONBOARD_PORT = 14580
+from companion.commands.options import ConfigFile, add_config, add_flight, add_json, config_file, shipped_config
+from companion.config import ConfigError
 
 
-def serve_plant(config: Config, arguments: argparse.Namespace) -> int:
-    """The plant alone, until a signal stops it. Its first line on stdout tells where it is."""
-    assert config.plant is not None  # the caller has checked
-    try:
-        world = build_world(config)
-    except ConfigError as error:
-        raise ConfigError(f"{arguments.config}: {error}") from None
-    try:
-        logs = [read_log(path) for path in arguments.log or ()]
-    except OSError as error:
-        raise ConfigError(f"--log {error.filename}: {error.strerror}") from None
-    port = PX4_ONBOARD_PORT if arguments.port is None else arguments.port
-    station_port = arguments.gcs_port
-    if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
-        station_port = GROUND_STATION.port if arguments.port is None and arguments.link is None else 0
-    try:
-        first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
-        serve(
-            world.autopilot,
-            # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
-            [first] if arguments.lockstep else [first, GROUND_STATION._replace(port=station_port)],
-            lockstep=arguments.lockstep,
-            on_ready=lambda bound: print(f"plant ready: {arguments.link or f'udp port {bound}'}", flush=True),
-            logs=logs,
-            channels=world.channels,
-            signing_key=None if config.link.signing_key_file is None else read_key(config.link.signing_key_file),
-        )
-    except (OSError, ValueError) as error:
-        reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
-        raise LinkError(f"plant: {reason}") from None
-    except LockstepTimeoutError as error:
-        raise LinkError(f"plant: {error}") from None
-    return 0
+class Arguments(NamedTuple):
+    """Of `companion sitl`."""
+
+    config: ConfigFile
+    hedging: bool | None
+    realtime: bool
+    out: Path | None
+    json: bool
+    serve: bool
+    lockstep: bool
+    port: int | None
+    gcs_port: int | None
+    link: str | None
+    logs: tuple[Path, ...]
+    scenarios: list[str] | None  # None: not asked for; empty: all of them
 
 
-def run_experiment(config: Config, arguments: argparse.Namespace) -> int:
-    """Fly one controller or both; print the table, draw the figures. 1 when a flight failed or was not stable."""
-    if arguments.hedging is None:
-        controllers = ["hedged", "standard"]
-    else:
-        controllers = ["hedged" if arguments.hedging else "standard"]
-    if config.mission.identification is not None:
-        controllers = ["hedged"]  # it is the attitude loop that is measured
-    folder: Path = arguments.out or new_folder(Path("flights"), arguments.config.stem)
-    console = Console(stderr=arguments.json)
-    jobs = _jobs(config, arguments, folder, controllers)
-    try:
-        outcomes = {outcome.controller: outcome for outcome in _fly(jobs, console)}
-    except ExperimentError as error:
-        raise LinkError(str(error)) from None
-    if any(o.summary.reason is Reason.OPERATOR for o in outcomes.values()):
-        raise KeyboardInterrupt
-    if config.mission.identification is not None:
-        return _report_identification(outcomes["hedged"], arguments, console)
-    flown = {name: outcome.flight for name, outcome in outcomes.items() if outcome.metrics is not None}
-    from sitl.experiment.figures import draw_figures  # noqa: PLC0415 - matplotlib takes its time
-
-    figures = draw_figures(config, flown, folder)
-    report = _report(arguments.config, outcomes)
-    (folder / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    if arguments.json:
-        print(json.dumps(report))
-    else:
-        _print_table(config, outcomes, console)
-        console.print(f"{len(figures)} figures, flight folders and summary.json in [bold]{folder}[/bold]")
-    good = all(o.complete and o.metrics is not None and o.metrics.stable for o in outcomes.values())
-    return 0 if good else 1
-
-
-def _report_identification(outcome: Outcome, arguments: argparse.Namespace, console: Console) -> int:
-    """Doublets are no stairs: there is no tracking to score, but a folder to go on with."""
-    ended = outcome.summary.reason is Reason.MISSION_COMPLETE
-    if arguments.json:
-        told = {"complete": ended, "reason": outcome.summary.reason.value, "flights": [str(outcome.folder)]}
-        print(json.dumps({"config": str(arguments.config), **told}))
-    elif ended:
-        console.print(
-            f"doublets flown in {outcome.flown_s:.0f} s; next: companion identify {outcome.folder}", soft_wrap=True
-        )
-    return 0 if ended else 1
-
-
-def _jobs(config: Config, arguments: argparse.Namespace, folder: Path, controllers: list[str]) -> list[Job]:
-    lockstep = not arguments.realtime
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-    return [
-        Job(
-            config,
-            arguments.config,
-            folder / controller,
-            controller,
-            tuple(arguments.overrides),
-            lockstep,
-            arguments.port + index if arguments.port else 0,
-            cores[index % len(cores)] if lockstep and cores else None,
-        )
-        for index, controller in enumerate(controllers)
-    ]
-
-
-def _fly(jobs: list[Job], console: Console) -> list[Outcome]:
-    """Fly them all, with a bar for each."""
-    columns = (
-        TextColumn("{task.description:<22}"),
-        BarColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion sitl`."""
+    add_config(parser, shipped_config() / "antx_rig.yaml")
+    add_flight(parser)
+    parser.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")
+    parser.add_argument("--out", type=Path, help="folder for figures and flights (default: a new one in flights)")
+    add_json(parser)
+    parser.add_argument("--serve", action="store_true", help="the plant alone, for any MAVLink client")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="with --serve: wait for a set-point after every odometry"
     )
-    with Progress(*columns, console=console, refresh_per_second=4) as progress:
-        tasks = {
-            job.controller: progress.add_task(
-                f"{job.controller} MRAC", total=job.config.mission.duration_s, note="starting"
-            )
-            for job in jobs
-        }
-
-        def on_status(controller: str, status: Status) -> None:
-            progress.update(tasks[controller], completed=status.elapsed_s, note=status.state.name.lower())
-
-        outcomes = fly_all(jobs, on_status)
-        for outcome in outcomes:
-            pace = f"{outcome.flown_s / outcome.wall_s:.1f} x real time"
-            progress.update(tasks[outcome.controller], completed=outcome.summary.engaged_s, note=pace)
-    for outcome in outcomes:
-        if not outcome.complete:
-            console.print(f"[bold red]{outcome.controller} MRAC did not finish: {outcome.summary.detail}[/bold red]")
-    return outcomes
+    parser.add_argument("--port", type=int, help="UDP port of the plant (default: any free one; with --serve 14580)")
+    parser.add_argument("--gcs-port", type=int, help="with --serve: UDP port for a ground station (default 18570)")
+    parser.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
+    parser.add_argument(
+        "--log", type=Path, action="append", metavar="FILE", help="with --serve: a log for `companion logs` to find"
+    )
+    parser.add_argument(
+        "--scenarios",
+        nargs="*",
+        metavar="NAME",
+        help="fly scenarios of wind, faults and failing links instead: those named (* and ? allowed), or all",
+    )
 
 
-def _report(config_path: Path, outcomes: dict[str, Outcome]) -> dict[str, object]:
-    """The machine-readable contract of `companion sitl --json`."""
-    return {
-        "config": str(config_path),
-        "realtime_factor": round(realtime_factor(list(outcomes.values())), 2),
-        "controllers": {
-            name: {
-                "peak_error_m": o.metrics.peak_error_m if o.metrics else None,
-                "rms_error_m": o.metrics.rms_error_m if o.metrics else None,
-                "stable": bool(o.complete and o.metrics and o.metrics.stable),
-                "tracking_rms_m": o.metrics.tracking_rms_m if o.metrics else None,
-                "steady_error_m": o.metrics.steady_error_m if o.metrics and o.metrics.steady_error_m >= 0.0 else None,
-            }
-            for name, o in outcomes.items()
-        },
-        "flights": [str(o.folder) for o in outcomes.values()],
-    }
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(
+        config_file(namespace),
+        namespace.hedging,
+        namespace.realtime,
+        namespace.out,
+        namespace.json,
+        namespace.serve,
+        namespace.lockstep,
+        namespace.port,
+        namespace.gcs_port,
+        namespace.link,
+        tuple(namespace.log or ()),
+        namespace.scenarios,
+    )
 
 
-def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console) -> None:
-    console.print(_own_table(outcomes) if config.paper is None else _paper_table(config.paper, outcomes))
-    for name, outcome in outcomes.items():
-        if outcome.metrics is not None and outcome.complete and not outcome.metrics.stable:
-            console.print(
-                f"[bold red]{name} MRAC is unstable:[/bold red] the error never settles and peaks at "
-                f"{outcome.metrics.peak_error_m:.2f} m; lower its adaptation rate or tick faster"
-            )
-    factor = realtime_factor(list(outcomes.values()))
-    console.print(f"flown at {factor:.1f} x real time in all, {config.tick.rate_hz:g} ticks a second over UDP")
+def run(arguments: Arguments) -> int:
+    """Fly or serve. 0 done, 1 when a flight failed or was not stable. Raises `ConfigError` for bad input.
+
+    Each way imports only what it needs: a plant that is served starts without numpy.
+    """
+    if arguments.scenarios is not None:
+        return _run_scenarios(arguments, arguments.scenarios)
+    config = arguments.config.load()
+    if config.plant is None:
+        raise ConfigError(f"{arguments.config.path}: no plant section: there is nothing to simulate")
+    for option, port in (("--port", arguments.port), ("--gcs-port", arguments.gcs_port)):
+        if port is not None and not 0 <= port < 65536:
+            raise ConfigError(f"{option} {port}: not a UDP port")
+    if arguments.serve:
+        from companion.commands import serve  # noqa: PLC0415
+
+        served = serve.Arguments(
+            config,
+            arguments.config.path,
+            arguments.lockstep,
+            arguments.port,
+            arguments.gcs_port,
+            arguments.link,
+            arguments.logs,
+        )
+        return serve.run(served)
+    from companion.commands import experiment  # noqa: PLC0415
+
+    flown = experiment.Arguments(
+        config,
+        arguments.config,
+        arguments.hedging,
+        arguments.realtime,
+        arguments.port or 0,
+        arguments.out,
+        arguments.json,
+    )
+    return experiment.run(flown)
 
 
-def _own_table(outcomes: dict[str, Outcome]) -> Table:
-    """What a flight of one's own was like."""
-    table = Table(title="Distance, m: from the ideal reference (x, y), the one tracked (x, y, z), the target at rest")
-    table.add_column("controller")
-    for heading in ("peak", "RMS", "tracking RMS", "at rest, worst stair"):
-        table.add_column(heading, justify="right")
-    for name, outcome in outcomes.items():
-        metrics = outcome.metrics
-        if metrics is None or not outcome.complete:
-            table.add_row(name, f"[bold red]{outcome.summary.reason.value}[/bold red]", *["-"] * 3)
-        elif not metrics.stable:
-            table.add_row(name, "[bold red]UNSTABLE[/bold red]", *["-"] * 3)
-        else:
-            numbers = (metrics.peak_error_m, metrics.rms_error_m, metrics.tracking_rms_m, metrics.steady_error_m)
-            table.add_row(name, *(f"{number:.3f}" for number in numbers))
-    return table
+def _run_scenarios(arguments: Arguments, names: list[str]) -> int:
+    for option in ("serve", "lockstep", "realtime"):
+        if getattr(arguments, option):
+            raise ConfigError(f"--scenarios brings its own plant and its own clock: leave out --{option}")
+    from companion.commands import scenarios  # noqa: PLC0415
 
-
-def _paper_table(paper: PaperSection, outcomes: dict[str, Outcome]) -> Table:
-    """The paper's figures and ours."""
-    table = Table(title=f"{paper.table}: error against the ideal reference, m")
-    table.add_column("controller")
-    for metric in ("peak", "RMS"):
-        for heading in (f"{metric} paper", f"{metric} ours", "off by"):
-            table.add_column(heading, justify="right")
-    for name, outcome in outcomes.items():
-        row = [name]
-        for metric in ("peak_error_m", "rms_error_m"):
-            published = getattr(getattr(paper, name), metric)
-            row.append(f"{published:.4f}")
-            if outcome.metrics is None or not outcome.complete:
-                row += ["failed", "-"]
-            elif not outcome.metrics.stable:
-                row += ["[bold red]UNSTABLE[/bold red]", "-"]
-            else:
-                ours = getattr(outcome.metrics, metric)
-                row += [f"{ours:.4f}", f"{100.0 * (ours / published - 1.0):+.1f} %"]
-        table.add_row(*row)
-    return table
+    return scenarios.run(
+        scenarios.Arguments(names, arguments.config, arguments.hedging, arguments.out, arguments.json), shipped_config()
+    )

@@ -4,29 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
 from rich.console import Console
 from rich.table import Table
 
-from companion.config import Config
-from companion.flight.readiness.px4_settings import (
-    INSTANCES,
-    KINDS,
-    ONBOARD,
-    Setting,
-    Verdict,
-    judge_firmware,
-    judge_health,
-    judge_odometry,
-    judge_parameters,
-    unstated,
-    worst,
-)
+from companion.commands.options import ConfigFile, add_config, add_json, add_tool_link, config_file
+from companion.flight.readiness.px4_settings import KINDS, Setting, Verdict, judge, unstated, worst
 from companion.mavlink.client import Client
-from companion.mavlink.services import Services
+from companion.mavlink.vehicle_report import VehicleReport, read_vehicle
 
 _COLOUR: Final = {Verdict.FINE: "green", Verdict.DIFFERS: "yellow", Verdict.DANGEROUS: "bold red"}
 _SUMMARY: Final = {
@@ -36,35 +22,48 @@ _SUMMARY: Final = {
 }
 
 
-def vehicle(config: Config, arguments: argparse.Namespace) -> int:
+class Arguments(NamedTuple):
+    """Of `companion vehicle`."""
+
+    config: ConfigFile
+    link: str | None
+    json: bool
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `companion vehicle`."""
+    add_config(parser)
+    add_tool_link(parser)
+    add_json(parser)
+
+
+def parse(namespace: argparse.Namespace) -> Arguments:
+    """The arguments as a typed record."""
+    return Arguments(config_file(namespace), namespace.link, namespace.json)
+
+
+def run(arguments: Arguments) -> int:
     """Ask, judge, show. 0 all fine, 1 something differs or is dangerous. Raises `LinkError` without a vehicle."""
+    config = arguments.config.load()
     console = Console(stderr=arguments.json)
     client = Client(config, arguments.link)
     try:
         with console.status("waiting for the vehicle"):
             client.connect()
             client.give_way()
-        began_s, odometry = time.monotonic(), client.heard[mavlink.MAVLINK_MSG_ID_ODOMETRY]
-        with Services(client) as services, console.status("asking"):
-            firmware = services.firmware()
-            health = services.health()
-            found = services.parameters({**dict.fromkeys(config.vehicle.parameters), **KINDS})
-            found |= _rates(services)
-        seconds = time.monotonic() - began_s
-        rate_hz = (client.heard[mavlink.MAVLINK_MSG_ID_ODOMETRY] - odometry) / seconds
+        with console.status("asking"):
+            report = read_vehicle(client, {**dict.fromkeys(config.vehicle.parameters), **KINDS})
     finally:
         client.close()
-    rows = [judge_firmware(firmware.version, str(firmware)), judge_health(health)]
-    if not client.shared:  # behind a door what is hot does not come through
-        rows.append(judge_odometry(config, rate_hz))
-    rows += judge_parameters(config, found)
+    firmware, parameters = report.firmware, report.parameters
+    rows = judge(config, firmware.version, str(firmware), report.health, parameters, report.odometry_hz)
     verdict = worst(rows)
     if arguments.json:
-        print(json.dumps(_report(firmware.version, health, found, rows, verdict)))
+        print(json.dumps(_report(report, rows, verdict)))
     else:
         console.print(_table(client, rows))
         console.print(_SUMMARY[verdict])
-        if gains := unstated(config, found):
+        if gains := unstated(config, parameters):
             # As the vehicle rounds them to 32 bits, so seven digits are all there are.
             stated = ", ".join(f"{name}: {value:.7g}" for name, value in gains.items())
             console.print(
@@ -73,18 +72,6 @@ def vehicle(config: Config, arguments: argparse.Namespace) -> int:
                 highlight=False,
             )
     return 0 if verdict is Verdict.FINE else 1
-
-
-def _rates(services: Services) -> dict[str, int | float]:
-    """The byte rates of the onboard instances, where the vehicle has any."""
-    onboard = []
-    for instance in INSTANCES:
-        mode = services.parameters({f"MAV_{instance}_MODE": int})
-        if not mode:  # a simulated PX4 has none of them: the first one's silence is enough to wait for
-            break
-        if ONBOARD in mode.values():
-            onboard.append(f"MAV_{instance}_RATE")
-    return services.parameters(dict.fromkeys(onboard, int))
 
 
 def _table(client: Client, rows: list[Setting]) -> Table:
@@ -100,17 +87,11 @@ def _table(client: Client, rows: list[Setting]) -> Table:
     return table
 
 
-def _report(
-    version: tuple[int, int, int],
-    health: dict[str, bool],
-    found: dict[str, int | float],
-    rows: list[Setting],
-    verdict: Verdict,
-) -> dict[str, Any]:
+def _report(report: VehicleReport, rows: list[Setting], verdict: Verdict) -> dict[str, Any]:
     return {
-        "firmware": list(version),
-        "health": health,
-        "parameters": found,
+        "firmware": list(report.firmware.version),
+        "health": report.health,
+        "parameters": report.parameters,
         "settings": [row._asdict() for row in rows],
         "verdict": verdict,
     }

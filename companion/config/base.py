@@ -14,11 +14,11 @@ def _number(value: object) -> object:
 
 
 Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[float, BeforeValidator(_number), Field(gt=0.0)]
-NonNegative = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
-Fraction = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=1.0)]
-Priority = Annotated[int, BeforeValidator(_number), Field(ge=0, le=99)]
-Id = Annotated[int, BeforeValidator(_number), Field(ge=1, le=255)]
+Positive = Annotated[float, Field(gt=0.0), BeforeValidator(_number)]
+NonNegative = Annotated[float, Field(ge=0.0), BeforeValidator(_number)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0), BeforeValidator(_number)]
+Priority = Annotated[int, Field(ge=0, le=99), BeforeValidator(_number)]
+Id = Annotated[int, Field(ge=1, le=255), BeforeValidator(_number)]
 Vector = tuple[float, float, float]
 
 

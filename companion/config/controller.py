@@ -14,7 +14,9 @@ class AdaptationRates(Section):
     """γ of (22), which the two controllers may not share: γ_H and γ_M of the paper."""
 
     hedged: NonNegative
+    """[1] With hedging. `companion check` refuses one that is unstable at `tick.floor_hz` within the envelope."""
     standard: NonNegative
+    """[1] Without hedging."""
 
 
 Bound = Positive | tuple[float, float]
@@ -24,11 +26,18 @@ class AxisSection(Section):
     """Reference model, adaptation and projection of one horizontal axis."""
 
     natural_frequency_rad_s: Positive
+    """Natural frequency of the reference model, ωn of (19): how fast the vehicle is to answer."""
     damping_ratio: Positive
+    """[1] Damping ratio of the reference model, ζ of (19)."""
     position_weight_bound: Bound
+    """[1/m] Projection bounds of the weight on position, whose nominal value is ωn²/g. One number is plus and minus it.
+    The upper bound costs attitude bandwidth."""
     velocity_weight_bound: Bound
+    """[s/m] Projection bounds of the weight on velocity, whose nominal value is 2ζωn/g."""
     adaptation_rate: AdaptationRates
+    """γ of (22) for the weights on position and velocity."""
     lyapunov_q: tuple[Positive, Positive] = (1.0, 1.0)
+    """[1] Diagonal of Q in (23), for position and velocity: what the adaptation weighs of the error."""
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> AxisSection:
@@ -45,40 +54,65 @@ def interval(bound: Bound) -> tuple[float, float]:
 
 
 class Axes(Section):
-    """x is pitch, y is roll; a rig has x alone."""
+    """The horizontal axes of the control frame, which turns with the heading. x is pitch, y is roll."""
 
     x: AxisSection
+    """Forward, by pitch."""
     y: AxisSection | None = None
+    """To the right, by roll. A quadrotor needs it, a rig must not have it."""
 
 
 class AltitudeSection(Section):
-    """Gains of (4), over the mass."""
+    """The altitude cascade (4), its gains over the mass: climb rate from height error, vertical force from climb rate.
+
+    A quadrotor needs it; a rig, whose thrust stays at hover, does not read it.
+    """
 
     position_gain_1_s: NonNegative
+    """Climb rate wanted per metre of height error."""
     velocity_gain_1_s: NonNegative
+    """Acceleration per m/s of climb rate error."""
     integral_gain_1_s2: NonNegative
+    """Acceleration per metre of climb rate error added up."""
     derivative_gain: NonNegative = 0.0
+    """[1] Acceleration asked for against a measured one, which is filtered."""
     filter_bandwidth_rad_s: Positive = 30.0
+    """Bandwidth of the derivative's filter, T of sT/(s + T)."""
     integral_limit_m_s2: NonNegative = 3.0
+    """Largest acceleration, up or down, that the integrator may hold: what a wrong hover thrust may cost."""
     velocity_limit_m_s: Positive = 1.0
+    """Largest climb or sink rate asked for."""
 
 
 class BiasSection(Section):
-    """A weight on the regressor 1 on each horizontal axis, with its own projection: it takes up constant forces."""
+    """A weight on the regressor 1 on each horizontal axis, with its own projection: it takes up constant forces.
 
-    bound: Positive  # specific force over g: 0.2 holds against what would push the vehicle away at 0.2 g
+    Left out, nothing does: a steady wind or a crooked mount leaves an offset.
+    """
+
+    bound: Positive
+    """[g] Largest steady push it holds against, as specific force over g. 0.2 is what accelerates the vehicle at
+    0.2 g."""
     adaptation_rate: AdaptationRates
+    """γ of (22) for this weight. The sampled check adds it to that of the axes."""
 
 
 class Limits(Section):
-    """What the controller never asks for. Without a speed the set-point jumps to the target."""
+    """What the controller never asks for. Altitude comes first; a horizontal force that is cut keeps its direction."""
 
     tilt_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
+    """Largest tilt of the thrust. `guards.tilt_deg` must lie above it."""
     thrust_min: Annotated[Fraction, Field(gt=0.0)] = 0.05
+    """[1] Smallest collective thrust, normalised."""
     thrust_max: Fraction = 0.95
-    acceleration_m_s2: Positive | None = None  # horizontal
-    yaw_rate_deg_s: Positive = 45.0  # of the flown heading
-    speed_m_s: Positive | None = None  # of the flown set-point, on a straight line to the target
+    """[1] Largest collective thrust, normalised."""
+    acceleration_m_s2: Positive | None = None
+    """Largest horizontal acceleration asked for. Left out: as much as tilt and thrust allow."""
+    yaw_rate_deg_s: Positive = 45.0
+    """How fast the flown heading turns towards the one wanted."""
+    speed_m_s: Positive | None = None
+    """How fast the flown set-point travels, on a straight line in space, to the one wanted. Left out: it jumps. At most
+    `envelope.velocity_m_s`."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Limits:
@@ -88,17 +122,22 @@ class Limits(Section):
 
 
 class ControllerSection(Section):
-    """The position controller.
-
-    `anchor`: where the regressors are measured from. `engage` is the paper's, where control began; `setpoint` goes
-    along with the flown set-point, so that the adaptation is as fast everywhere.
-    """
+    """The position controller."""
 
     hedging: bool = True
+    """Hedged MRAC, which the certificate is about. `false`: standard MRAC, for comparison."""
     anchor: Literal["engage", "setpoint"] = "setpoint"
+    """Where the regressors are measured from. `engage`: where control began, as in the paper. `setpoint`: from the
+    flown set-point, so that the adaptation is as fast everywhere."""
     initial_weights: Literal["zero", "nominal"] = "nominal"
+    """Ŵ(0) of (22). `zero`: as in the paper, no feedback at first. `nominal`: feedback from the first tick."""
     axes: Axes
+    """Reference model and adaptation of each axis."""
     bias: BiasSection | None = None
+    """A weight against constant forces."""
     envelope: EnvelopeSection
+    """How far and how fast the regressors may go."""
     altitude: AltitudeSection | None = None
+    """Gains of the altitude cascade."""
     limits: Limits = Limits()
+    """What is never asked for."""

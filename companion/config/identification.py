@@ -20,11 +20,15 @@ class IdentificationSection(Section):
     A doublet is one pulse to one side, two to the other and one back: it ends where it began, at rest.
     """
 
-    # left out: 8, or as much less as envelope and fence ask for
     amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] | None = None
-    pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5  # several times 1/bandwidth, or the end of it is never seen
+    """Tilt of a pulse, from the trim. Left out: 8, or as much less as envelope and fence ask for."""
+    pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5
+    """How long a pulse lasts. Several times 1/bandwidth, or the end of the response is never seen."""
     pause_s: Positive = 4.0
-    repeats: Annotated[int, Field(ge=3, le=20)] = 6  # of each axis: the intervals come from how they differ
+    """How long the position loop flies at least between two doublets. It goes on until the vehicle is calm, for at most
+    20 s more."""
+    repeats: Annotated[int, Field(ge=3, le=20)] = 6
+    """Doublets of each axis. The intervals come from how they differ."""
 
     def excursion_m(self, amplitude_deg: float) -> float:
         """How far a doublet carries a vehicle without drag: `a T²` at the middle of it. `a T` is its largest speed."""

@@ -14,10 +14,17 @@ class LinkSection(Section):
     """The way to the autopilot, who we are on it, and the key that proves it."""
 
     url: str
+    """`udpin://HOST:PORT` listens, `udpout://HOST:PORT` calls, `serial://DEVICE:BAUD` is a tty. The option `--link`
+    counts more."""
     connect_timeout_s: Positive = 10.0
+    """Without a heartbeat of the vehicle for so long the flight is given up (`no_vehicle`)."""
     system_id: Id = 1
+    """The companion's own MAVLink system id, the vehicle's as a rule."""
     component_id: Id = 191
-    signing_key_file: Path | None = None  # 32 bytes, or 64 hexadecimal digits; a relative path starts at the config
+    """The companion's own MAVLink component id; 191 is MAV_COMP_ID_ONBOARD_COMPUTER."""
+    signing_key_file: Path | None = None
+    """Key of MAVLink signing: a file of 32 bytes or 64 hexadecimal digits that not everybody may read. A relative path
+    starts at the config's folder. Given, all that is sent is signed and only signed frames are believed."""
 
     @field_validator("signing_key_file")
     @classmethod
@@ -30,7 +37,10 @@ class TickSection(Section):
     """How often the loop runs: the rate asked of the autopilot, and the rate below which we do not fly."""
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)]
+    """Rate of ODOMETRY asked of the autopilot. Each sample is one tick. A real PX4 sends 125 to 250 Hz."""
     floor_hz: Positive
+    """Slowest rate that flies: below it control does not begin. The adaptation rates are certified for it, and it is
+    the default limit of `guards.pose_rate_hz`."""
 
     @model_validator(mode="after")
     def _floor_below_rate(self) -> TickSection:

@@ -11,9 +11,10 @@ from pydantic import ValidationError
 
 from companion.config.mission import MissionSection
 from companion.config.schema import Config
+from companion.errors import CompanionError
 
 
-class ConfigError(Exception):
+class ConfigError(CompanionError):
     """A config that cannot be used; the message is one line for a person."""
 
 

@@ -11,23 +11,30 @@ from companion.config.identification import IdentificationSection
 
 
 class Waypoint(Section):
-    """From a time on, a position and a heading relative to where control began. Without a heading it stays."""
+    """From a time on, a position and a heading relative to where control began."""
 
     at_s: NonNegative
+    """Since control began. Waypoints come in this order, no two at the same time."""
     offset_ned_m: Vector
-    yaw_deg: Number | None = None  # clockwise from above, from the heading at engagement
+    """North, east, down of where control began. It must lie inside `guards.fence` and within what
+    `controller.envelope` allows."""
+    yaw_deg: Number | None = None
+    """Heading, clockwise from above, from the one at engagement. Left out: as it is. A rig has none."""
 
 
 class MissionSection(Section):
     """What to fly after engagement. Without waypoints the vehicle holds its position until it is released.
 
     A config may write `mission: {file: stairs.yaml}`, a path from the config's own folder, to a file with these keys;
-    keys beside `file` count more than those in it. `load_config` puts the content in its place.
+    keys beside `file` count more than those in it.
     """
 
     duration_s: Positive | None = None
+    """Control ends so long after it began (`mission_complete`). Left out: it goes on."""
     waypoints: tuple[Waypoint, ...] = ()
-    identification: IdentificationSection | None = None  # in place of the other two: it ends by itself
+    """Where to be from which time on."""
+    identification: IdentificationSection | None = None
+    """Attitude doublets in place of waypoints and duration. The option `--identify` gives it with its defaults."""
 
     @model_validator(mode="after")
     def _in_order(self) -> MissionSection:

@@ -1,4 +1,8 @@
-"""What a config file may say. Units are in the names; the shipped files in `config/` explain each key by example."""
+"""What a config file may say. Units are in the names.
+
+The text below a key is its description in `docs/config.md`, which `companion.config.reference` writes. It begins with
+the unit in brackets where the key's name has none; [1] is a pure number.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,15 @@ from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
 from companion.config.base import Id, Number, Positive, Section
-from companion.config.consistency import check_fence, check_guards, check_steering
+from companion.config.consistency import check_delay, check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
-from companion.config.guards import Guards, ReleaseSection, check_delay
+from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
-from companion.config.service import ServiceSection, SteeringSection
+from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
+from companion.config.vehicles import VEHICLE_KINDS, VehicleKind, VehicleName
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 
@@ -23,55 +28,86 @@ ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 class VehicleSection(Section):
     """The vehicle and where it is on MAVLink."""
 
-    kind: Literal["rig", "quadrotor"]
+    kind: VehicleName
+    """What it can do: a rig moves along one guide at hover thrust, a quadrotor flies free."""
     hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
-    # What is flown: the value above; PX4's MPC_THR_HOVER, with the value above where it is not answered; or what is
-    # estimated in flight, beginning with either.
+    """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
+    `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
+    """What is flown. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
+    answered. `estimated`: begins with either and is then estimated in flight; not for a rig."""
     system_id: Id = 1
+    """MAVLink system id of the autopilot. Nobody else is believed."""
     component_id: Id = 1
-    parameters: dict[ParameterName, Number] = Field(default_factory=dict)  # PX4's, when its response was identified
+    """MAVLink component id of the autopilot."""
+    parameters: dict[ParameterName, Number] = Field(default_factory=dict)
+    """PX4 parameters, the attitude gains above all, as they were when the response was identified. Where the vehicle's
+    differ `companion run` refuses (`certificate_stale`). Empty: nothing is compared."""
 
 
 class PaperMetrics(Section):
-    """One column of a table of the paper."""
+    """One controller's row in a table of the paper: error against the ideal reference."""
 
     peak_error_m: Positive
+    """Largest error."""
     rms_error_m: Positive
+    """Root mean square of the error."""
 
 
 class PaperSection(Section):
-    """The figures to set ours beside."""
+    """The paper's figures, which `companion sitl` sets ours beside."""
 
     table: str
+    """Title of the table."""
     hedged: PaperMetrics
+    """What the paper gives for the hedged controller."""
     standard: PaperMetrics
+    """What the paper gives for the standard controller."""
     figures: dict[str, str] = Field(default_factory=dict)
+    """Title of each figure to draw, by controller and axis, as in `hedged_x: Figure 6`."""
 
 
 class Config(Section):
     """A whole config file."""
 
     vehicle: VehicleSection
+    """The vehicle, and where it is on MAVLink."""
     link: LinkSection
+    """The way to the autopilot."""
     tick: TickSection
+    """How often the loop runs."""
     controller: ControllerSection
+    """The position controller."""
     attitude: AttitudeSection
+    """The tuned attitude loop."""
     mission: MissionSection = MissionSection()
+    """What to fly."""
     guards: Guards = Guards()
+    """What ends control."""
     release: ReleaseSection = ReleaseSection()
+    """What is asked for then."""
     steering: SteeringSection = SteeringSection()
+    """Who may move the set-point live."""
     service: ServiceSection = ServiceSection()
+    """What is asked of the operating system."""
     plant: Plant | None = None
+    """The simulated vehicle."""
     paper: PaperSection | None = None
+    """The paper's figures."""
+
+    @property
+    def vehicle_kind(self) -> VehicleKind:
+        """What the vehicle can do."""
+        return VEHICLE_KINDS[self.vehicle.kind]
 
     @model_validator(mode="after")
     def _axes_of_the_vehicle(self) -> Config:
-        if self.vehicle.kind == "quadrotor":
-            if self.controller.axes.y is None or self.attitude.y is None or self.controller.altitude is None:
-                raise ValueError("a quadrotor needs controller.axes.y, controller.altitude and attitude.y")
-        elif self.controller.axes.y is not None or self.attitude.y is not None:
-            raise ValueError("a rig has one axis: remove controller.axes.y and attitude.y")
+        kind, controller = self.vehicle_kind, self.controller
+        if kind.one_axis:
+            if controller.axes.y is not None or self.attitude.y is not None:
+                raise ValueError(f"a {kind.name} has one axis: remove controller.axes.y and attitude.y")
+        elif controller.axes.y is None or self.attitude.y is None or controller.altitude is None:
+            raise ValueError(f"a {kind.name} needs controller.axes.y, controller.altitude and attitude.y")
         limits, hover = self.controller.limits, self.vehicle.hover_thrust
         if not limits.thrust_min < hover < limits.thrust_max:
             raise ValueError("vehicle.hover_thrust must lie between controller.limits.thrust_min and thrust_max")
@@ -85,11 +121,11 @@ class Config(Section):
         if flown is not None:
             amplitude_deg(self.controller, self.guards.fence, flown)  # or it raises
         check_delay(self.guards, self.attitude)
-        if self.vehicle.kind == "rig" and (
+        if kind.one_axis and (
             self.vehicle.hover_thrust_source == "estimated"
             or any(w.yaw_deg is not None for w in self.mission.waypoints)
         ):
-            raise ValueError("a rig keeps its thrust and its heading: no estimated hover thrust, no yaw_deg")
-        if self.plant is not None and (self.plant.rig is None) == (self.vehicle.kind == "rig"):
-            raise ValueError(f"plant: give the {self.vehicle.kind}, as vehicle.kind says")
+            raise ValueError(f"a {kind.name} keeps its thrust and its heading: no estimated hover thrust, no yaw_deg")
+        if self.plant is not None and self.plant.kind is not kind:
+            raise ValueError(f"plant: give the {kind.name}, as vehicle.kind says")
         return self

@@ -1,8 +1,10 @@
-"""The `service` and `steering` sections: what is asked of the operating system, and who may move the set-point live."""
+"""The `service`, `steering` and `release` sections: the operating system, live set-points, and the end of control."""
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
 
 from companion.config.base import Id, Priority, Section
 
@@ -10,18 +12,30 @@ from companion.config.base import Id, Priority, Section
 class ServiceSection(Section):
     """What is asked of the operating system. What it does not permit is reported, and flown without."""
 
-    realtime_priority: Priority = 0  # of SCHED_FIFO; 0: not asked
-    lock_memory: bool = False  # no page of ours is ever waited for
+    realtime_priority: Priority = 0
+    """Priority of SCHED_FIFO to ask for; 0: none. The unit file allows up to 60."""
+    lock_memory: bool = False
+    """Ask that no page of the process is ever swapped out or waited for (mlockall)."""
 
 
 class SteeringSection(Section):
     """Who may move the set-point by SET_POSITION_TARGET_LOCAL_NED, addressed to the companion's own component."""
 
     enabled: bool = False
+    """Take live commands. Needs `guards.fence` with a box, and a speed or an envelope that holds the way."""
     system_ids: tuple[Id, ...] = ()
+    """MAVLink systems that may steer, 255 for QGroundControl."""
 
     @model_validator(mode="after")
     def _somebody(self) -> SteeringSection:
         if self.enabled and not self.system_ids:
             raise ValueError("give system_ids: the MAVLink systems that may steer")
         return self
+
+
+class ReleaseSection(Section):
+    """The mode that is asked of the vehicle when control ends for a fault, by the operator, or because it is over."""
+
+    mode: Annotated[Literal["hold", "land", "return", "position"], Field(description="asked for when control ends")] = (
+        "hold"
+    )

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from companion.flight.authority.states import Reason, State
-from companion.flight.guards.blindness import Sight
 from companion.flight.host.runtime import Status
 from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
@@ -34,7 +33,6 @@ class Housekeeping:
         self._flight = flight
         self._notifier = notifier
         self._engagement = engagement
-        self._blindness = Sight(flight)
         self._rival_told = False
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
@@ -48,10 +46,13 @@ class Housekeeping:
     def handlers(self) -> dict[type, Callable[[Any], None]]:
         """Of the records that can wait until the set-point is out."""
         return {
-            EstimatorStatus: self._blindness.on_estimator_status,
+            EstimatorStatus: self._on_estimator_status,
             Parameter: self._on_parameter,
             Answer: self._on_answer,
         }
+
+    def _on_estimator_status(self, status: EstimatorStatus) -> None:
+        self._flight.estimator.on_status(status.flags, self._flight.clock.elapsed_s())
 
     def _on_parameter(self, parameter: Parameter) -> None:
         if self._flight.preflight.on_parameter(parameter):
@@ -76,7 +77,7 @@ class Housekeeping:
             self._check()
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
-        self._blindness.look()
+        self._look_for_blindness(state)
         rival = link.rival()
         if rival is not None:
             self._meet(rival)
@@ -93,6 +94,16 @@ class Housekeeping:
         if clock_s >= self._flush_s:  # seldom: waking the writer costs as much as ten ticks
             self._flush_s = clock_s + _FLUSH_S
             flight.recorder.flush()
+
+    def _look_for_blindness(self, state: State) -> None:
+        """Forget what is too old, and tell or refuse where a guard has gone blind with it."""
+        flight, now_s = self._flight, self._flight.clock.elapsed_s()
+        flight.blindness.forget(now_s)
+        ready = state in (State.STANDBY, State.ENGAGED)
+        for reason, text, ends_control in flight.blindness.look(flight.told(), now_s, ready=ready):
+            flight.announce("blind", text, To.EVERYBODY)
+            if ends_control is not None:
+                flight.refuse(reason, ends_control)
 
     def _parameter_changed(self) -> None:
         """Somebody has set what the certificate is for: never begin with it; in control it is too late but to tell."""

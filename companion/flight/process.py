@@ -66,7 +66,7 @@ class FlightProcess:
         self._notifier = notifier
         self._tools = None if tools is None else ToolAccess(flight.link, tools)
         self._changes = Changes(flight, warning)
-        steps = plan(can_fly=config.vehicle.kind == "quadrotor")
+        steps = plan(can_fly=config.vehicle_kind.can_fly)
         self._housekeeping = Housekeeping(flight, Engagement(steps) if engage else None, notifier, on_status)
         self._live_commands = LiveCommands(flight)
         self._ticks = Ticks(flight, self._changes, self._housekeeping.restart)
@@ -108,7 +108,7 @@ class FlightProcess:
     def _loop(self) -> None:
         """Until control has ended."""
         flight, link, clock, housekeeping = self._flight, self._link, self._flight.clock, self._housekeeping
-        freshness, overrun_s = flight.freshness, flight.limits.tick_overrun_s
+        freshness, overrun_s = flight.freshness, flight.limits[Reason.TICK_OVERRUN]
         heard_s = clock.began_wall_s
         while flight.state is not _RELEASED:
             data = link.receive()

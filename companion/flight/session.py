@@ -11,11 +11,14 @@ from companion.control.types import Odometry
 from companion.flight.announcements import Announcements, To
 from companion.flight.authority.states import Reason, State
 from companion.flight.guards import table as guards
+from companion.flight.guards.blindness import Blindness
 from companion.flight.guards.freshness import Freshness
+from companion.flight.guards.measures import Told
 from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.preflight import Preflight
+from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 from companion.flight.vehicle_link.link import Link, VehicleLink
 from companion.record.recorder import Recorder
 
@@ -60,7 +63,10 @@ class Session:
         self.pilot = Pilot(config, hedging=hedging)
         # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters.
         self.preflight = Preflight(config, self.pose, compare=not lockstep, uncertified=uncertified)
-        self.watch = Watch(config, self.limits, self.pose, self.delay)
+        self.estimator = EstimatorHealth()
+        self.watch = Watch(config, self.limits)
+        forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}
+        self.blindness = Blindness(config, self.limits, forget)
         self.freshness = Freshness(self.limits, self.clock.now_s)
         self.state = State.CONNECTING
         self.fault: Ending | None = None
@@ -77,6 +83,13 @@ class Session:
         """Of the vehicle, as it says."""
         sample = self.sample
         return 0.0 if sample is None else math.sqrt(sample.vx_m_s**2 + sample.vy_m_s**2 + sample.vz_m_s**2)
+
+    def told(self) -> Told:
+        """What the vehicle and the link last told beside the pose, for the guards."""
+        pose, delay = self.pose, self.delay
+        return Told(
+            self.estimator.missing, pose.variance_ned_m2, pose.message == "ODOMETRY", delay.round_trip_s, delay.jitter_s
+        )
 
     def refuse(self, reason: Reason, detail: str = "") -> None:
         """Control is to end, or never to begin; the first fault stays. Safe in a signal handler."""

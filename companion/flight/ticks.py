@@ -33,8 +33,8 @@ class Ticks:
         self._link, self._pilot, self._pose, self._watch = flight.link, flight.pilot, flight.pose, flight.watch
         self._clock, self._freshness = flight.clock, flight.freshness
         self._lockstep = flight.lockstep
-        self._flies = flight.config.vehicle.kind == "quadrotor"
-        self._largest_step_s = min(flight.limits.clock_jump_s, LARGEST_STEP_S)
+        self._flies = flight.config.vehicle_kind.can_fly
+        self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], LARGEST_STEP_S)
         self._resets = 0  # of the estimator, as of the last sample
         self._held, self._sent_ms = _LEVEL, -1  # the last set-point, and the sample it answered
 
@@ -107,7 +107,8 @@ class Ticks:
         latency_s = self._send(sample, setpoint)
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
         if sample[0] >= watch.due_s:
-            reason = watch.look(sample, setpoint, pilot, flight.ticks, self._clock.now_s - sample.time_s)
+            flight.delay.heard(sample.time_s, self._clock.now_s)
+            reason = watch.look(sample, setpoint, pilot, flight.told(), flight.ticks)
             if reason is not None:
                 self._stop_for(reason)
                 return

@@ -21,7 +21,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from companion.attitude_response.kinds import MODELS, Model, respond
+from companion.attitude_response.kinds import MODELS, Model
+from companion.attitude_response.simulation import respond
 from companion.identify.manoeuvres import Manoeuvre
 from companion.identify.series import Floats
 

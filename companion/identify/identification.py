@@ -196,7 +196,7 @@ def _identify(axis: str, manoeuvres: list[Manoeuvre], views: _Views, where: str)
 
 def _split(chosen: ModelFit, manoeuvres: list[Manoeuvre], views: _Views) -> DelaySplit | None:
     """The vehicle's delay and the link's, manoeuvre by manoeuvre; None unless the model has one and both are seen."""
-    if "delay_s" not in chosen.model.parameters:
+    if not chosen.model.delayed:
         return None
     totals, owns = [], []
     for m in manoeuvres:

@@ -9,11 +9,13 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from companion.attitude_response.kinds import MODELS
 from companion.identify.fit import ModelFit
 from companion.identify.identification import AxisIdentification, Identification
 from companion.identify.series import OURS
 
-_FREQUENCIES: Final = ("bandwidth_rad_s", "natural_frequency_rad_s")
+_COLUMNS: Final = {"rad/s": (" rad/s", 1.0, 2, 2), "1": ("", 1.0, 2, 2), "s": (" ms", 1e3, 1, 0)}
+"""By unit of a parameter: unit shown, its size, and decimals of value and of interval."""
 _NEXT_LINE: Final = "\n"
 
 
@@ -78,15 +80,13 @@ def _table(name: str, axis: AxisIdentification) -> Table:
     title = f"{name}, {len(axis.manoeuvres)} manoeuvres; below each value its interval (95 %, all together)"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)
-    for heading in ("M, ωn rad/s", "ζ", "delay ms", "fit", "unseen °"):
+    for heading in (*map(_heading, _COLUMNS), "fit", "unseen °"):
         table.add_column(heading, justify="right", no_wrap=True)
     for fit in axis.models.values():
         taken = fit is axis.chosen
         table.add_row(
             f"{fit.model.title}{_NEXT_LINE + '(chosen)' if taken else ''}",
-            _cell(fit, _FREQUENCIES, 1.0, 2, 2),
-            _cell(fit, ("damping_ratio",), 1.0, 2, 2),
-            _cell(fit, ("delay_s",), 1e3, 1, 0),
+            *(_cell(fit, unit) for unit in _COLUMNS),
             f"{fit.fit:.4f}",
             f"{math.degrees(fit.prediction_rad):.2f}",
             style="bold" if taken else None,
@@ -94,10 +94,18 @@ def _table(name: str, axis: AxisIdentification) -> Table:
     return table
 
 
-def _cell(fit: ModelFit, keys: tuple[str, ...], scale: float, places: int, end_places: int) -> str:
-    """A parameter and its interval below, or nothing for a model without it."""
-    for key, (low, high) in fit.intervals().items():
-        if key in keys:
+def _heading(unit: str) -> str:
+    """The symbols of all parameters in a unit, and the unit."""
+    symbols = dict.fromkeys(p.symbol for model in MODELS for p in model.described if p.unit == unit)
+    return ", ".join(symbols) + _COLUMNS[unit][0]
+
+
+def _cell(fit: ModelFit, unit: str) -> str:
+    """The parameters in a unit, each with its interval below; nothing for a model without one."""
+    _, scale, places, end_places = _COLUMNS[unit]
+    lines = []
+    for parameter, value, (low, high) in zip(fit.model.described, fit.values, fit.interval_95, strict=True):
+        if parameter.unit == unit:
             ends = f"{scale * low:.{end_places}f}–{scale * high:.{end_places}f}"
-            return f"{scale * fit.named()[key]:.{places}f}{_NEXT_LINE}{ends}"
-    return ""
+            lines.append(f"{scale * value:.{places}f}{_NEXT_LINE}{ends}")
+    return _NEXT_LINE.join(lines)

@@ -8,6 +8,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from companion.errors import CompanionError
+
 Floats = npt.NDArray[np.float64]
 
 AXES: Final = ("roll", "pitch")  # columns of every angle array here
@@ -15,7 +17,7 @@ VEHICLE: Final = "vehicle"
 OURS: Final = "ours"
 
 
-class LogError(Exception):
+class LogError(CompanionError):
     """A log that no response can be identified from; the message is one line that says what to do."""
 
 

@@ -20,6 +20,8 @@ from typing import Protocol
 
 import serial
 
+from companion.errors import CompanionError
+
 _DATAGRAM_BYTES = 2048
 _MOST_QUEUED = 4096  # datagrams that a socket can hold at its largest
 _QUEUED_BYTES = 280  # on a serial line: one frame
@@ -33,7 +35,7 @@ _PASSING = (
 _URL = re.compile(r"(?P<kind>udpin|udpout|serial)://(?P<place>.+):(?P<number>[0-9]+)")
 
 
-class LinkError(Exception):
+class LinkError(CompanionError):
     """A link that cannot be opened or has gone; the message is one line for a person."""
 
 

@@ -1,7 +1,8 @@
 """PX4 as a companion computer meets it, without sockets and without a wall clock.
 
 `Autopilot` steps a vehicle through simulated time and answers set-points and commands as PX4 v1.17 does: `commander`
-decides which mode flies, `navigator` flies it. What PX4 does that surprises is written where it is done.
+decides which mode flies, `navigator` flies it, `commands` acts on both. What PX4 does that surprises is written where
+it is done.
 """
 
 from __future__ import annotations
@@ -11,16 +12,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from companion.mavlink.px4 import Result
 from sitl.autopilot.commander import Commander
-from sitl.autopilot.commands import CUSTOM_MODE_ENABLED, Requests, VehicleCommand
-from sitl.autopilot.modes import AUTO_MODES, STICK_MODES, FlightMode, LandedState, Severity
+from sitl.autopilot.modes import AUTO_MODES, CUSTOM_MODE_ENABLED, STICK_MODES, FlightMode, LandedState, Severity
 from sitl.autopilot.navigator import Home, Navigator
 from sitl.autopilot.parameters import Parameters
 from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
 from sitl.autopilot.request_faults import RequestFaults
+from sitl.vehicles.rotation import turned
 from sitl.vehicles.vehicle import Quadrotor, Vehicle, VehicleState
-from sitl.world.estimator import turned
 from sitl.world.estimator_status import NOMINAL
 
 PHYSICS_DT_US: Final = 1_000
@@ -55,7 +54,7 @@ class Autopilot:
         heading_error_rad: of the estimate, which the attitude loop turns the vehicle by.
         health: what the estimator says of itself.
         stamp_us: what ODOMETRY says the time is, from the time; the time itself unless replaced.
-        obedience: how it takes requests; `None` for a healthy autopilot.
+        request_faults: what it does wrong with requests; `None` for a healthy autopilot.
         on_control, on_setpoint: called with the time at every control step, and with every set-point that is executed
             (attitude, thrust, type mask), before they take effect.
     """
@@ -66,11 +65,11 @@ class Autopilot:
         self.time_us = 0
         self.reset_counter = 0
         self.notices: deque[Notice] = deque(maxlen=32)
-        self.estimate: Callable[[], VehicleState] = lambda: vehicle.state
+        self.estimate: Callable[[], VehicleState] = self.truth
         self.heading_error_rad = 0.0
         self.health = NOMINAL
         self.stamp_us: Callable[[int], int] | None = None
-        self.obedience: RequestFaults | None = None
+        self.request_faults: RequestFaults | None = None
         self.on_control: Callable[[int], None] | None = None
         self.on_setpoint: Callable[[tuple[float, float, float, float], float, int], None] | None = None
         self.commander = Commander(self.parameters, vehicle.can_fly, self._notify)
@@ -80,14 +79,12 @@ class Autopilot:
         self._next_control_us = 0
         self._flying_mode = self.commander.mode
         self._contact_since_us: int | None = 0
-        self._requests = Requests(self)
 
     # --- time -------------------------------------------------------------------------------------------------------
 
     def advance(self, to_time_us: int) -> None:
         """Run up to a simulated time, as far as whole physics steps go."""
         step = self.vehicle.step
-        dt_s = 1e-6 * PHYSICS_DT_US
         now = self.time_us
         last = to_time_us - PHYSICS_DT_US
         while now <= last:
@@ -100,7 +97,7 @@ class Autopilot:
                 q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
             while now <= until:
-                step(q_wxyz, thrust, dt_s)
+                step(q_wxyz, thrust)
                 now += PHYSICS_DT_US
         self.time_us = now
 
@@ -108,8 +105,8 @@ class Autopilot:
         commander, vehicle = self.commander, self.vehicle
         if self.on_control is not None:
             self.on_control(self.time_us)
-        if self.obedience is not None:
-            for late in self.obedience.due(self.time_us):
+        if self.request_faults is not None:
+            for late in self.request_faults.due(self.time_us):
                 commander.request(late, self.time_us)
         self._detect_landing()
         commander.update(self.time_us)
@@ -170,7 +167,15 @@ class Autopilot:
         self.navigator.enter(FlightMode.HOLD, self.estimate(), self.home, self.time_us)
         self.advance(now_us)
 
+    def now_us(self) -> int:
+        """Simulated time since boot."""
+        return self.time_us
+
     # --- what it tells ----------------------------------------------------------------------------------------------
+
+    def truth(self) -> VehicleState:
+        """The vehicle's true state, which it does not know."""
+        return self.vehicle.state
 
     @property
     def landed_state(self) -> LandedState:
@@ -233,18 +238,6 @@ class Autopilot:
             return
         thrust = 0.0 if thrust < 0.0 else min(thrust, 1.0)  # what motors can do
         self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
-
-    def on_command(self, command: VehicleCommand) -> tuple[Result, ...]:
-        """Execute a command; every answer PX4 sends, in order."""
-        return self._requests.execute(command)
-
-    def set_mode(self, base_mode: int, main_mode: int, sub_mode: int) -> Result:
-        """The decision on DO_SET_MODE, and on the SET_MODE message."""
-        return self._requests.set_mode(base_mode, main_mode, sub_mode)
-
-    def switch(self, mode: FlightMode, *, force: bool = False) -> Result:
-        """A request for a mode, whoever makes it."""
-        return self._requests.switch(mode, force=force)
 
     def follow_mode(self, takeoff_altitude_m: float | None = None) -> None:
         """Let the navigator begin what the commander has decided. `takeoff_altitude_m`: above home."""

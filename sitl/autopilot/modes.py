@@ -57,6 +57,9 @@ AUTO_MODES: Final = frozenset(
 PREVENT_ARMING: Final = frozenset({FlightMode.RTL, FlightMode.LAND, FlightMode.TERMINATION})
 """Modes in which PX4 refuses to arm (`ModeUtil/mode_requirements.cpp`)."""
 
+CUSTOM_MODE_ENABLED: Final = 1
+"""MAV_MODE_FLAG: the mode is PX4's own number, not one that MAVLink names."""
+
 _MAIN_AUTO: Final = 4
 _MAIN_SUB: Final[dict[FlightMode, tuple[int, int]]] = {
     FlightMode.MANUAL: (1, 0),

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 from companion.control import attitude
 from companion.control.types import GRAVITY_M_S2
+from sitl.vehicles.rotation import Quaternion
 from sitl.vehicles.vehicle import VehicleState
 
 POSITION_GAIN_PER_S: Final = 0.45
@@ -24,8 +25,6 @@ HORIZONTAL_ACCELERATION_LIMIT_M_S2: Final = 3.0
 VERTICAL_ACCELERATION_LIMIT_M_S2: Final = 4.0
 HORIZONTAL_INTEGRAL_LIMIT_M_S2: Final = 1.5
 VERTICAL_INTEGRAL_LIMIT_M_S2: Final = 4.0
-
-Quaternion = tuple[float, float, float, float]
 
 
 class AttitudeThrust(NamedTuple):

@@ -18,19 +18,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 from companion.config import Config
+from companion.errors import CompanionError
 from companion.flight.authority.states import Reason
 from companion.flight.host.runtime import Status, Summary
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
 from companion.record.reader import Flight, read_flight
-from sitl.experiment.metrics import Metrics, score
+from sitl.metrics import Metrics, score
 
 _READY_S = 20.0
 _REFRESH_S = 0.25  # a progress report costs as long as ten ticks
 
 
-class ExperimentError(Exception):
+class ExperimentError(CompanionError):
     """The plant did not start, or the log is incomplete; the message is one line."""
 
 

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Frame
 from companion.mavlink.px4 import Result
+from sitl.autopilot import commands
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand
 from sitl.messages.streams import NEVER_US, Streams
@@ -59,7 +60,7 @@ class Commands:
             self._link.ignored += 1
             return
         main, sub = message.custom_mode >> 16 & 255, message.custom_mode >> 24 & 255
-        result = self._autopilot.set_mode(message.base_mode, main, sub)
+        result = commands.set_mode(self._autopilot, message.base_mode, main, sub)
         self._acknowledge(frame, mavlink.MAV_CMD_DO_SET_MODE, result)
 
     def take_long(self, frame: Frame, message: Any) -> None:
@@ -82,7 +83,7 @@ class Commands:
         if command.number in _LINK_COMMANDS:
             self._acknowledge(frame, command.number, self._link_command(command))
             return
-        for result in self._autopilot.on_command(command):
+        for result in commands.execute(self._autopilot, command):
             self._acknowledge(frame, command.number, result)
 
     def _link_command(self, command: VehicleCommand) -> Result:

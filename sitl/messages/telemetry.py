@@ -15,7 +15,7 @@ from companion.mavlink.codec import Encoder, Layout
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import to_global
 from sitl.messages.status_messages import Build, StatusMessages, heading_deg, real, whole
-from sitl.vehicles.quadrotor import euler
+from sitl.vehicles.rotation import euler
 from sitl.world.estimator_status import Health
 
 NAN: Final = math.nan

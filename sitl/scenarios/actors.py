@@ -20,27 +20,27 @@ class PilotTakes(NamedTuple):
 
     mode: FlightMode
 
-    def happen(self, stage: ScenarioRun) -> None:
-        commander = stage.autopilot.commander
+    def happen(self, run: ScenarioRun) -> None:
+        commander = run.autopilot.commander
         commander.manual_control = commander.manual_control or self.mode in STICK_MODES
         commander.request(
-            self.mode, stage.autopilot.time_us, force=self.mode in (FlightMode.LAND, FlightMode.TERMINATION)
+            self.mode, run.autopilot.time_us, force=self.mode in (FlightMode.LAND, FlightMode.TERMINATION)
         )
-        stage.autopilot.follow_mode()
+        run.autopilot.follow_mode()
 
 
 class PilotDisarms(NamedTuple):
     """The pilot disarms in the air."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.autopilot.commander.disarm(stage.autopilot.time_us, "pilot", force=True)
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.commander.disarm(run.autopilot.time_us, "pilot", force=True)
 
 
 class PilotKills(NamedTuple):
     """The kill switch: motors stop, the mode stays."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.autopilot.commander.kill(stage.autopilot.time_us)
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.commander.kill(run.autopilot.time_us)
 
 
 class FailSafe(NamedTuple):
@@ -48,15 +48,15 @@ class FailSafe(NamedTuple):
 
     mode: FlightMode
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.autopilot.commander.forced_failsafe = self.mode
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.commander.forced_failsafe = self.mode
 
 
 class Recover(NamedTuple):
     """PX4's own failsafe is over: what the user intends flies again."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.autopilot.commander.forced_failsafe = None
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.commander.forced_failsafe = None
 
 
 class AnswerTo(NamedTuple):
@@ -66,9 +66,9 @@ class AnswerTo(NamedTuple):
     answer: Answer
     late_s: float = 1.0
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.obedience.answers[self.mode] = self.answer
-        stage.obedience.late_us = round(1e6 * self.late_s)
+    def happen(self, run: ScenarioRun) -> None:
+        run.request_faults.answers[self.mode] = self.answer
+        run.request_faults.late_us = round(1e6 * self.late_s)
 
 
 class AnswerToArming(NamedTuple):
@@ -76,15 +76,15 @@ class AnswerToArming(NamedTuple):
 
     answer: Answer
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.obedience.arming = self.answer
+    def happen(self, run: ScenarioRun) -> None:
+        run.request_faults.arming = self.answer
 
 
 class AlreadyInOffboard(NamedTuple):
     """The companion died in flight and comes back: OFFBOARD is intended, PX4's failsafe flies."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        autopilot = stage.autopilot
+    def happen(self, run: ScenarioRun) -> None:
+        autopilot = run.autopilot
         autopilot.commander.user_mode = FlightMode.OFFBOARD
         autopilot.commander.update(autopilot.time_us)
         autopilot.follow_mode()
@@ -98,9 +98,9 @@ class Stall(NamedTuple):
 
     for_s: float
 
-    def happen(self, stage: ScenarioRun) -> None:
-        assert stage.companion is not None
-        stage.companion.stall(self.for_s)
+    def happen(self, run: ScenarioRun) -> None:
+        assert run.companion is not None
+        run.companion.stall(self.for_s)
 
 
 class Overrun(NamedTuple):
@@ -108,26 +108,26 @@ class Overrun(NamedTuple):
 
     for_s: float
 
-    def happen(self, stage: ScenarioRun) -> None:
-        assert stage.companion is not None
-        stage.companion.overrun(self.for_s)
+    def happen(self, run: ScenarioRun) -> None:
+        assert run.companion is not None
+        run.companion.overrun(self.for_s)
 
 
 class Unplug(NamedTuple):
     """The companion's end of the link is pulled."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        assert stage.companion is not None
-        stage.companion.unplug()
+    def happen(self, run: ScenarioRun) -> None:
+        assert run.companion is not None
+        run.companion.unplug()
 
 
 class OperatorStops(NamedTuple):
     """Ctrl-C."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        assert stage.companion is not None
-        assert stage.process is not None
-        stage.companion.before_next(stage.process.stop)
+    def happen(self, run: ScenarioRun) -> None:
+        assert run.companion is not None
+        assert run.process is not None
+        run.companion.before_next(run.process.stop)
 
 
 class Steer(NamedTuple):
@@ -138,13 +138,13 @@ class Steer(NamedTuple):
     type_mask: int = _POSITION_AND_YAW
     frame: int = mavlink.MAV_FRAME_LOCAL_NED
 
-    def happen(self, stage: ScenarioRun) -> None:
-        start = stage.witness.start_ned_m
+    def happen(self, run: ScenarioRun) -> None:
+        start = run.observer.start_ned_m
         place = [a + b for a, b in zip(start, self.offset_ned_m, strict=True)]
-        system, component = stage.companion_ids
-        stage.send_from_station(
+        system, component = run.companion_ids
+        run.send_from_ground_station(
             mavlink.MAVLink_set_position_target_local_ned_message(
-                stage.autopilot.time_us // 1000, system, component, self.frame, self.type_mask, *place,
+                run.autopilot.time_us // 1000, system, component, self.frame, self.type_mask, *place,
                 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, math.radians(self.yaw_deg), 0.0,
             )
         )  # fmt: skip
@@ -156,12 +156,12 @@ class SetParameter(NamedTuple):
     name: str
     value: float
 
-    def happen(self, stage: ScenarioRun) -> None:
+    def happen(self, run: ScenarioRun) -> None:
         vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         message = mavlink.MAVLink_param_value_message(
             self.name.encode(), self.value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0
         )
-        stage.channels.down.put(bytes(message.pack(vehicle)), stage.autopilot.time_us)
+        run.channels.down.put(bytes(message.pack(vehicle)), run.autopilot.time_us)
 
 
 class Rival(NamedTuple):
@@ -169,8 +169,8 @@ class Rival(NamedTuple):
 
     same_name: bool
 
-    def happen(self, stage: ScenarioRun) -> None:
-        system, component = stage.companion_ids if self.same_name else (42, 195)
+    def happen(self, run: ScenarioRun) -> None:
+        system, component = run.companion_ids if self.same_name else (42, 195)
         rival = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         level = [1.0, 0.0, 0.0, 0.0]
         due_s = 0.0
@@ -185,9 +185,9 @@ class Rival(NamedTuple):
                 if self.same_name
                 else mavlink.MAVLink_set_attitude_target_message(0, 1, 1, 7, level, 0.0, 0.0, 0.0, 0.49)
             )
-            stage.channels.down.put(bytes(message.pack(rival)), stage.autopilot.time_us)
+            run.channels.down.put(bytes(message.pack(rival)), run.autopilot.time_us)
 
-        stage.each_step(stream)
+        run.each_step(stream)
 
 
 class Forge(NamedTuple):
@@ -196,7 +196,7 @@ class Forge(NamedTuple):
     frames: int
     for_s: float
 
-    def happen(self, stage: ScenarioRun) -> None:
+    def happen(self, run: ScenarioRun) -> None:
         imposter = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
         hold = custom_mode(FlightMode.HOLD)
 
@@ -206,6 +206,6 @@ class Forge(NamedTuple):
                     mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, hold, 3, 3),
                     mavlink.MAVLink_current_mode_message(0, hold, hold),
                 ):
-                    stage.channels.down.put(bytes(message.pack(imposter)), stage.autopilot.time_us)
+                    run.channels.down.put(bytes(message.pack(imposter)), run.autopilot.time_us)
 
-        stage.each_step(forge)
+        run.each_step(forge)

@@ -1,143 +1,21 @@
-"""Flies scenarios: the real flight process over real sockets, the plant in a thread beside it."""
+"""Flies scenarios, several at a time."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from companion.config import Config, ConfigError, load_config
-from companion.flight.host.runtime import Summary
-from companion.flight.process import FlightProcess
-from companion.mavlink.link import open_link
-from companion.record.folder import open_folder
-from companion.record.reader import read_flight
-from sitl.build import World, build_world
-from sitl.scenarios.catalogue.index import by_name
-from sitl.scenarios.run import ScenarioRun
-from sitl.scenarios.scenario import Flown, Scenario
-from sitl.scenarios.verdict import problems, worst_error_m
-from sitl.scenarios.watched_link import WatchedLink
-from sitl.wire.clocks import LockstepTimeoutError
-from sitl.wire.ports import UdpEndpoint
-from sitl.wire.server import serve
+from sitl.scenarios.flight import Bases, fly
+from sitl.scenarios.index import by_name
+from sitl.scenarios.scenario import Flown
 
-ALTITUDE_M: Final = 5.0
-SETTLE_S: Final = 8.0  # of Hold, before anybody is there
-_NOBODY: Final = 9  # the discard port: heartbeats before the companion is heard reach nobody
-_READY_S: Final = 20.0
-_PATIENCE_S: Final = 60.0
-
-
-class Bases(NamedTuple):
-    """The files that scenarios build on, by the name that a scenario calls them, and what is overridden in all."""
-
-    paths: dict[str, Path]
-    overrides: tuple[str, ...] = ()
-
-
-def fly(scenario: Scenario, bases: Bases, folder: Path) -> Flown:
-    """Fly one scenario in this process, main thread. The flight folder stays."""
-    began_s = time.monotonic()
-    reason, error = "-", None
-    found: list[str] = []
-    try:
-        path = bases.paths[scenario.base]
-        config = load_config(path, (*scenario.overrides, *bases.overrides))
-        summary, stage, trouble = _play(scenario, config, path, folder)
-        flight = read_flight(folder)
-        reason, error = summary.reason.value, worst_error_m(config, flight)
-        asked = stage.obedience.requests
-        found = problems(scenario, config, summary, flight, stage.witness.account(), asked)
-        found += [trouble] if trouble else []
-        found += [f"nothing ended it within {scenario.limit_s:g} s"] if stage.timed_out else []
-    except (ConfigError, OSError, ValueError) as problem:
-        found = [str(problem)]
-    return Flown(scenario.name, scenario.reason.value, reason, error, tuple(found), time.monotonic() - began_s)
-
-
-def _play(scenario: Scenario, config: Config, path: Path, folder: Path) -> tuple[Summary, ScenarioRun, str | None]:
-    world = build_world(config, complete=True)
-    if scenario.airborne:
-        world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
-    stage = ScenarioRun(
-        world,
-        scenario.happens,
-        before=scenario.before,
-        limit_s=scenario.limit_s,
-        coast_s=scenario.coast_s,
-        pilot=scenario.pilot,
-        engage=scenario.engage,
-        companion_ids=(config.link.system_id, config.link.component_id),
-    )
-    seat = WatchedLink()
-    stage.companion = seat
-    with _flying(world, stage, seat, lockstep=not scenario.realtime) as plant:
-        recorder = open_folder(folder, path, config, blocking=not scenario.realtime)
-        try:
-            seat.attach(open_link(f"udpout://127.0.0.1:{plant.port}"))
-            process = FlightProcess(config, seat, recorder, engage=scenario.engage, lockstep=not scenario.realtime)
-            stage.process = process
-            summary = process.run()
-        finally:
-            seat.ended = True
-            complaint = recorder.close()
-    seat.close()
-    return summary, stage, plant.trouble or complaint
-
-
-class _Plant:
-    """A plant that runs in a thread. Attributes: `port` it listens on; `trouble`, one line, if it came to any."""
-
-    def __init__(self, world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> None:
-        self.port = 0
-        self.trouble: str | None = None
-        self.ready = threading.Event()
-        self.cut = threading.Event()
-        self._world, self._stage, self._seat, self._lockstep = world, stage, seat, lockstep
-
-    def run(self) -> None:
-        try:
-            serve(
-                self._world.autopilot,
-                [UdpEndpoint(0, _NOBODY)],
-                lockstep=self._lockstep,
-                stop=lambda: self._stage.over or self.cut.is_set(),
-                on_ready=self._on_ready,
-                channels=self._world.channels,
-                peer=self._seat,
-            )
-        except (OSError, LockstepTimeoutError) as error:
-            self.trouble = str(error)
-        except Exception as error:  # a defect of the plant's own must fail the scenario, not hang it
-            self.trouble = f"the plant: {type(error).__name__}: {error}"
-        finally:
-            self.ready.set()
-
-    def _on_ready(self, port: int) -> None:
-        self.port = port
-        self.ready.set()
-
-
-@contextlib.contextmanager
-def _flying(world: World, stage: ScenarioRun, seat: WatchedLink, *, lockstep: bool) -> Iterator[_Plant]:
-    """A plant, from when it listens until it has coasted after the companion's end."""
-    plant = _Plant(world, stage, seat, lockstep=lockstep)
-    thread = threading.Thread(target=plant.run, name="plant")
-    thread.start()
-    try:
-        plant.ready.wait(_READY_S)
-        yield plant
-        thread.join(_PATIENCE_S)
-    finally:
-        plant.cut.set()
-        thread.join()
+_WAITING: Final = 4  # flights by the wall clock at a time: they leave most of a core alone
 
 
 def fly_all(
@@ -145,25 +23,40 @@ def fly_all(
 ) -> list[Flown]:
     """Fly scenarios by name, several at a time; their verdicts in the order of `names`.
 
-    Those that take the wall's time begin first, so that nobody waits for them at the end. Ctrl-C ends what flies.
+    `workers` processes fly those in lockstep, as fast as the machine allows. Those that take the wall's time are flown
+    beside them by processes of their own. Ctrl-C ends what flies.
     """
-    begin = sorted(names, key=lambda name: not by_name(name).realtime)
+    waiting = [name for name in names if by_name(name).realtime]
+    busy = [name for name in names if not by_name(name).realtime]
     flown: dict[str, Flown] = {}
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with contextlib.ExitStack() as pools:
+        futures = []
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: in them only a flight listens
         try:
-            futures = [pool.submit(_fly_named, name, bases, folder / name) for name in begin]
+            for queue, size in ((waiting, _WAITING), (busy, workers)):
+                if queue:
+                    pool = pools.enter_context(_pool(min(size, len(queue))))
+                    futures += [pool.submit(_fly_named, name, bases, folder / name) for name in queue]
         finally:
             signal.signal(signal.SIGINT, before)
+        for future in as_completed(futures):
+            result = future.result()
+            flown[result.name] = result
+            on_flown(result)
+    return [flown[name] for name in names]
+
+
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[Executor]:
+    """Processes to fly in; whatever goes wrong, what has not begun is not begun any more."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload([__name__])  # imported once, for all of them
+    with ProcessPoolExecutor(workers, context, gc.freeze) as pool:
         try:
-            for future in as_completed(futures):
-                result = future.result()
-                flown[result.name] = result
-                on_flown(result)
+            yield pool
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return [flown[name] for name in names]
 
 
 def _fly_named(name: str, bases: Bases, folder: Path) -> Flown:

@@ -1,4 +1,4 @@
-"""What may befall a flight, as a vocabulary for scenarios: each a record that happens on a stage."""
+"""What may befall a flight, as a vocabulary for scenarios: each a record that happens to a run."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 
 from sitl.autopilot.position_hold import AttitudeThrust
 from sitl.scenarios.run import ScenarioRun
+from sitl.vehicles.rotation import turned
 from sitl.vehicles.vehicle import Rig, Vector
 from sitl.wire.impairments import Channel, Impairments
 from sitl.world.environment import Wind
-from sitl.world.estimator import Lag, Noise, turned
+from sitl.world.estimator import Lag, Noise
 from sitl.world.estimator_status import after_gps_loss, drift_after_gps_loss_m
 
 EVERYTHING: Final = Channel.ALL
@@ -23,8 +24,8 @@ class Blow(NamedTuple):
 
     wind: Wind
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.environment.blow(self.wind)
+    def happen(self, run: ScenarioRun) -> None:
+        run.environment.blow(self.wind)
 
 
 class LoseMotor(NamedTuple):
@@ -34,8 +35,8 @@ class LoseMotor(NamedTuple):
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
 
-    def happen(self, stage: ScenarioRun) -> None:
-        environment = stage.environment
+    def happen(self, run: ScenarioRun) -> None:
+        environment = run.environment
         environment.motors = self.thrust_share
         environment.roll_bias_rad = math.radians(self.roll_deg)
         environment.pitch_bias_rad = math.radians(self.pitch_deg)
@@ -46,8 +47,8 @@ class Sag(NamedTuple):
 
     share_1_s: float
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.environment.sag_1_s = self.share_1_s
+    def happen(self, run: ScenarioRun) -> None:
+        run.environment.sag_1_s = self.share_1_s
 
 
 class Push(NamedTuple):
@@ -55,9 +56,9 @@ class Push(NamedTuple):
 
     acceleration_m_s2: float
 
-    def happen(self, stage: ScenarioRun) -> None:
-        assert isinstance(stage.autopilot.vehicle, Rig)
-        stage.autopilot.vehicle.push_m_s2 = self.acceleration_m_s2
+    def happen(self, run: ScenarioRun) -> None:
+        assert isinstance(run.autopilot.vehicle, Rig)
+        run.autopilot.vehicle.push_m_s2 = self.acceleration_m_s2
 
 
 # --- the estimator ------------------------------------------------------------------------------------------------
@@ -68,8 +69,8 @@ class GetNoisy(NamedTuple):
 
     noise: Noise
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.estimator.noise = self.noise
+    def happen(self, run: ScenarioRun) -> None:
+        run.estimator.noise = self.noise
 
 
 class LagBehind(NamedTuple):
@@ -77,8 +78,8 @@ class LagBehind(NamedTuple):
 
     lag: Lag
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.estimator.lag = self.lag
+    def happen(self, run: ScenarioRun) -> None:
+        run.estimator.lag = self.lag
 
 
 class Drift(NamedTuple):
@@ -87,10 +88,10 @@ class Drift(NamedTuple):
     rate_ned_m_s: Vector
     for_s: float = math.inf
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.estimator.drift_ned_m_s = self.rate_ned_m_s
+    def happen(self, run: ScenarioRun) -> None:
+        run.estimator.drift_ned_m_s = self.rate_ned_m_s
         if math.isfinite(self.for_s):
-            stage.later(self.for_s, lambda: setattr(stage.estimator, "drift_ned_m_s", _STILL))
+            run.later(self.for_s, lambda: setattr(run.estimator, "drift_ned_m_s", _STILL))
 
 
 class Jump(NamedTuple):
@@ -104,15 +105,15 @@ class Jump(NamedTuple):
     yaw_deg: float = 0.0
     counted: bool = True
 
-    def happen(self, stage: ScenarioRun) -> None:
-        autopilot, yaw = stage.autopilot, math.radians(self.yaw_deg)
-        stage.estimator.jump(self.position_ned_m, self.velocity_ned_m_s, yaw)
+    def happen(self, run: ScenarioRun) -> None:
+        autopilot, yaw = run.autopilot, math.radians(self.yaw_deg)
+        run.estimator.jump(self.position_ned_m, self.velocity_ned_m_s, yaw)
         if yaw:
             autopilot.heading_error_rad += yaw
             autopilot.setpoint = AttitudeThrust(turned(autopilot.setpoint.q_wxyz, yaw), autopilot.setpoint.thrust)
         autopilot.reset_counter = autopilot.reset_counter + self.counted & 255
         if self.counted:
-            stage.witness.mark()
+            run.observer.mark()
 
 
 class Freeze(NamedTuple):
@@ -120,17 +121,17 @@ class Freeze(NamedTuple):
 
     for_s: float = math.inf
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.estimator.frozen = True
+    def happen(self, run: ScenarioRun) -> None:
+        run.estimator.frozen = True
         if math.isfinite(self.for_s):
-            stage.later(self.for_s, lambda: setattr(stage.estimator, "frozen", False))
+            run.later(self.for_s, lambda: setattr(run.estimator, "frozen", False))
 
 
 class BecomeNaN(NamedTuple):
     """The position is no number."""
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.estimator.not_a_number = True
+    def happen(self, run: ScenarioRun) -> None:
+        run.estimator.not_a_number = True
 
 
 class LoseGps(NamedTuple):
@@ -138,18 +139,18 @@ class LoseGps(NamedTuple):
 
     towards: tuple[float, float] = (0.7, -0.7)  # north, east
 
-    def happen(self, stage: ScenarioRun) -> None:
+    def happen(self, run: ScenarioRun) -> None:
         north, east = self.towards
         gone_m = 0.0
 
         def lose(elapsed_s: float) -> None:
             nonlocal gone_m
-            stage.autopilot.health = after_gps_loss(elapsed_s)
+            run.autopilot.health = after_gps_loss(elapsed_s)
             step = drift_after_gps_loss_m(elapsed_s) - gone_m
             gone_m += step
-            stage.estimator.jump((step * north, step * east, 0.0))
+            run.estimator.jump((step * north, step * east, 0.0))
 
-        stage.each_step(lose)
+        run.each_step(lose)
 
 
 class Doubt(NamedTuple):
@@ -158,8 +159,8 @@ class Doubt(NamedTuple):
     flags: int = 895
     position_m2: float = 0.02
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.autopilot.health = stage.autopilot.health._replace(flags=self.flags, horizontal_m2=self.position_m2)
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.health = run.autopilot.health._replace(flags=self.flags, horizontal_m2=self.position_m2)
 
 
 class JumpClock(NamedTuple):
@@ -167,9 +168,9 @@ class JumpClock(NamedTuple):
 
     by_s: float
 
-    def happen(self, stage: ScenarioRun) -> None:
+    def happen(self, run: ScenarioRun) -> None:
         off_us = round(1e6 * self.by_s)
-        stage.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
+        run.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
 
 
 # --- the link -----------------------------------------------------------------------------------------------------
@@ -182,12 +183,12 @@ class Impair(NamedTuple):
     up: Impairments | None = None
     for_s: float = math.inf
 
-    def happen(self, stage: ScenarioRun) -> None:
-        for channel, impairments in ((stage.channels.down, self.down), (stage.channels.up, self.up)):
+    def happen(self, run: ScenarioRun) -> None:
+        for channel, impairments in ((run.channels.down, self.down), (run.channels.up, self.up)):
             if impairments is not None:
                 channel.impairments = impairments
                 if math.isfinite(self.for_s):
-                    stage.later(self.for_s, partial(setattr, channel, "impairments", Impairments()))
+                    run.later(self.for_s, partial(setattr, channel, "impairments", Impairments()))
 
 
 class Mute(NamedTuple):
@@ -197,11 +198,11 @@ class Mute(NamedTuple):
     for_s: float = math.inf
     upwards: bool = False
 
-    def happen(self, stage: ScenarioRun) -> None:
-        channel = stage.channels.up if self.upwards else stage.channels.down
+    def happen(self, run: ScenarioRun) -> None:
+        channel = run.channels.up if self.upwards else run.channels.down
         channel.muted.add(self.message_id)
         if math.isfinite(self.for_s):
-            stage.later(self.for_s, lambda: channel.muted.discard(self.message_id))
+            run.later(self.for_s, lambda: channel.muted.discard(self.message_id))
 
 
 class Thin(NamedTuple):
@@ -210,5 +211,5 @@ class Thin(NamedTuple):
     message_id: int
     one_in: int
 
-    def happen(self, stage: ScenarioRun) -> None:
-        stage.channels.down.keep_one_in[self.message_id] = self.one_in
+    def happen(self, run: ScenarioRun) -> None:
+        run.channels.down.keep_one_in[self.message_id] = self.one_in

@@ -1,4 +1,4 @@
-"""Where a scenario is played: the plant, the companion's seat, and the script that makes things happen on time."""
+"""One flight of a scenario: the plant, the companion's link, and the script that makes things happen on time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sitl.world.environment import Environment
 from sitl.world.estimator import Estimator
 
 STREAMED_S: Final = 1.5  # of the companion's set-points before the pilot dares to switch
-_STATION: Final = (255, 190)
+_GROUND_STATION: Final = (255, 190)
 
 
 class Stoppable(Protocol):
@@ -30,11 +30,11 @@ class Stoppable(Protocol):
 class Happening(Protocol):
     """Something that befalls a flight."""
 
-    def happen(self, stage: ScenarioRun) -> None: ...
+    def happen(self, run: ScenarioRun) -> None: ...
 
 
 class ScenarioRun:
-    """One flight's stage. Time in the script counts from where OFFBOARD began.
+    """One flight. Time in the script counts from where OFFBOARD began.
 
     Args: `script` of (s, what happens); `before` happens at once; `limit_s` after which the operator ends it;
     `coast_s` for how long the plant runs on after the companion has ended; `pilot` whether somebody switches to
@@ -60,14 +60,14 @@ class ScenarioRun:
         self.environment: Environment = world.environment
         self.estimator: Estimator = world.estimator
         self.channels: Channels = world.channels
-        self.obedience = self.autopilot.obedience = RequestFaults()
-        self.witness = Observer(self.autopilot)
+        self.request_faults = self.autopilot.request_faults = RequestFaults()
+        self.observer = Observer(self.autopilot)
         self.companion: WatchedLink | None = None
         self.process: Stoppable | None = None
         self.companion_ids = companion_ids
         self.timed_out = False
         self.over = False
-        self._station = mavlink.MAVLink(None, srcSystem=_STATION[0], srcComponent=_STATION[1])
+        self._ground_station = mavlink.MAVLink(None, srcSystem=_GROUND_STATION[0], srcComponent=_GROUND_STATION[1])
         self._pending: list[tuple[float, Callable[[], None]]] = [
             (at_s, partial(what.happen, self)) for at_s, what in script
         ]
@@ -85,7 +85,7 @@ class ScenarioRun:
     @property
     def time_s(self) -> float:
         """Since OFFBOARD began; zero before. Where nobody is going to switch to it, since the start."""
-        began_us = self.witness.engaged_us
+        began_us = self.observer.engaged_us
         if began_us is None:
             began_us = self._began_us if self._nobody_switches else self.autopilot.time_us
         return 1e-6 * (self.autopilot.time_us - began_us)
@@ -99,17 +99,17 @@ class ScenarioRun:
         began_us = self.autopilot.time_us
         self._running.append(lambda now_us: action(1e-6 * (now_us - began_us)))
 
-    def send_from_station(self, message: Any) -> None:
+    def send_from_ground_station(self, message: Any) -> None:
         """A frame of a ground station, as the autopilot forwards it to the companion."""
-        self._station.seq = self._station.seq + 1 & 255
-        self.channels.down.put(bytes(message.pack(self._station)), self.autopilot.time_us)
+        self._ground_station.seq = self._ground_station.seq + 1 & 255
+        self.channels.down.put(bytes(message.pack(self._ground_station)), self.autopilot.time_us)
 
     def _control(self, now_us: int) -> None:
-        self.environment.step(1e-6 * now_us)
+        self.environment.step(now_us)
         for action in self._running:
             action(now_us)
-        self.witness.see(now_us)
-        if self.witness.engaged_us is not None or self._nobody_switches:
+        self.observer.see(now_us)
+        if self.observer.engaged_us is not None or self._nobody_switches:
             self._play()
         elif self._pilot:
             self._switch_on(now_us)
@@ -126,7 +126,7 @@ class ScenarioRun:
     def _switch_on(self, now_us: int) -> None:
         """The pilot hands over once the companion has streamed for a while."""
         if self._streamed_us is None:
-            self._streamed_us = now_us if self.witness.setpoints else None
+            self._streamed_us = now_us if self.observer.setpoints else None
         elif now_us - self._streamed_us >= 1e6 * STREAMED_S:
             self._pilot = False
             self.autopilot.commander.request(FlightMode.OFFBOARD, now_us)
@@ -134,7 +134,7 @@ class ScenarioRun:
 
     @property
     def _reckoned_us(self) -> int:
-        engaged = self.witness.engaged_us
+        engaged = self.observer.engaged_us
         return self._began_us if engaged is None else engaged
 
     def _finish(self, now_us: int) -> None:

@@ -7,7 +7,7 @@ from companion.flight.authority.states import TAKEN
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Flight
 from sitl.autopilot.modes import FlightMode
-from sitl.experiment.metrics import in_control, tracking_error_m
+from sitl.metrics import in_control, tracking_error_m
 from sitl.scenarios.observer import Account, Change
 from sitl.scenarios.scenario import Scenario
 

@@ -1,4 +1,4 @@
-"""The companion's link as the campaign hands it over: real sockets, and a hold on the process behind them.
+"""The companion's link as a scenario hands it over: one of two transports, and a hold on the process behind it.
 
 The plant learns from it when the companion has taken in everything and waits, so that lockstep needs no answer to go
 on. What happens to the companion itself - it is stopped, stalls, loses its link - happens here, in its own thread,
@@ -20,6 +20,7 @@ class WatchedLink:
     """
 
     stream = False
+    name = "plant"
 
     def __init__(self) -> None:
         self._link: Link
@@ -28,14 +29,12 @@ class WatchedLink:
         self._next: list[Callable[[], None]] = []
         self._unplugged = False
         self._slow_s = 0.0
-        self.name = ""
         self.ended = False
         self.gone = False
 
     def attach(self, link: Link) -> None:
-        """The link to wrap; the plant, which must know this seat first, has told by then where it listens."""
+        """The link to wrap. The plant must know this object first, to tell where it listens."""
         self._link = link
-        self.name = link.name
 
     # --- the companion's side ---------------------------------------------------------------------------------------
 

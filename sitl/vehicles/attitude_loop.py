@@ -8,30 +8,20 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.control.reference_model import propagate, transition
-
-
-class Response(NamedTuple):
-    """A linear response from angle set-point to angle, DC gain one.
-
-    `natural_frequency_rad_s` > 0 makes it second order; otherwise it is first order with `bandwidth_rad_s` (M of (18)).
-    """
-
-    bandwidth_rad_s: float
-    natural_frequency_rad_s: float
-    damping_ratio: float
+from companion.attitude_response.discrete import step
+from companion.attitude_response.kind import LinearResponse, State
 
 
 def respond(
-    params: Response, angle_rad: float, rate_rad_s: float, wanted_rad: float, dt_s: float
-) -> tuple[float, float]:
-    """Angle and rate one step later, exactly, for a set-point held over the step."""
-    if params.natural_frequency_rad_s > 0.0:
-        over = transition(params.natural_frequency_rad_s, params.damping_ratio, dt_s)
-        drive = params.natural_frequency_rad_s * params.natural_frequency_rad_s * wanted_rad
-        return propagate(over, angle_rad, rate_rad_s, drive)
-    angle = wanted_rad + (angle_rad - wanted_rad) * math.exp(-params.bandwidth_rad_s * dt_s)
-    return angle, params.bandwidth_rad_s * (wanted_rad - angle)
+    response: LinearResponse, angle_rad: float, rate_rad_s: float, further: State, wanted_rad: float, dt_s: float
+) -> tuple[float, float, State]:
+    """Angle, rate and the kind's further states one step later, exactly, for a set-point held over the step.
+
+    No further states given: those at rest.
+    """
+    state = (angle_rad, rate_rad_s, *(further or (0.0,) * response.kind.further))
+    angle, rate, *rest = step(response, dt_s)(state, wanted_rad)
+    return angle, rate, tuple(rest)
 
 
 class RateGains(NamedTuple):

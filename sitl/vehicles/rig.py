@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from companion.attitude_response.kind import LinearResponse, State
 from companion.control.types import GRAVITY_M_S2
-from sitl.vehicles.attitude_loop import RateGains, RateState, Response, rate_step, respond
+from sitl.vehicles.attitude_loop import RateGains, RateState, rate_step, respond
 
 
 class RigParams(NamedTuple):
@@ -19,7 +20,7 @@ class RigParams(NamedTuple):
     coulomb_friction_m_s2: float
     coulomb_width_m_s: float  # friction is coulomb * tanh(v / width)
     cascade: bool  # True: (7) on (27); False: the linear response
-    response: Response
+    response: LinearResponse
     pitch_gain_1_s: float
     rate_gains: RateGains
 
@@ -32,6 +33,7 @@ class RigState(NamedTuple):
     pitch_rad: float
     pitch_rate_rad_s: float
     rate_loop: RateState
+    further: State = ()  # of the linear response
 
 
 def friction(params: RigParams, velocity_m_s: float) -> float:
@@ -50,7 +52,7 @@ def step(
     push_m_s2: float = 0.0,
 ) -> RigState:
     """The rig `dt_s` later; `thrust_ratio` is thrust over weight, `push_m_s2` a force from outside over the mass."""
-    rate_loop = state.rate_loop
+    rate_loop, further = state.rate_loop, state.further
     if params.cascade:
         wanted_rate = params.pitch_gain_1_s * math.sin(pitch_wanted_rad - state.pitch_rad)
         rate_loop, acceleration = rate_step(
@@ -59,8 +61,10 @@ def step(
         rate = state.pitch_rate_rad_s + dt_s * acceleration
         pitch = state.pitch_rad + dt_s * rate
     else:
-        pitch, rate = respond(params.response, state.pitch_rad, state.pitch_rate_rad_s, pitch_wanted_rad, dt_s)
+        pitch, rate, further = respond(
+            params.response, state.pitch_rad, state.pitch_rate_rad_s, further, pitch_wanted_rad, dt_s
+        )
     drive = -GRAVITY_M_S2 * thrust_ratio * math.sin(0.5 * (state.pitch_rad + pitch))
     velocity = state.velocity_m_s + dt_s * (drive + push_m_s2 - friction(params, state.velocity_m_s))
     position = state.position_m + dt_s * 0.5 * (state.velocity_m_s + velocity)
-    return RigState(position, velocity, pitch, rate, rate_loop)
+    return RigState(position, velocity, pitch, rate, rate_loop, further)

@@ -80,6 +80,22 @@ class Port(Protocol):
     def close(self) -> None: ...
 
 
+def batches(frames: list[bytes]) -> list[list[bytes]]:
+    """Whole frames, by the datagram that they go into: as few as hold them."""
+    if sum(map(len, frames)) <= DATAGRAM_BYTES:
+        return [frames]
+    full: list[list[bytes]] = []
+    batch: list[bytes] = []
+    size = 0
+    for frame in frames:
+        if batch and size + len(frame) > DATAGRAM_BYTES:
+            full.append(batch)
+            batch, size = [], 0
+        batch.append(frame)
+        size += len(frame)
+    return [*full, batch]
+
+
 class UdpPort:
     """A UDP socket that talks to localhost's `remote_port` until it hears somebody, and to nobody else after that.
 
@@ -131,23 +147,9 @@ class UdpPort:
         return data
 
     def send(self, frames: list[bytes]) -> None:
-        datagram = b"".join(frames)
-        if len(datagram) <= DATAGRAM_BYTES:
-            self._put(datagram)
-            return
-        batch: list[bytes] = []
-        size = 0
-        for frame in frames:
-            if size + len(frame) > DATAGRAM_BYTES:
-                self._put(b"".join(batch))
-                batch, size = [], 0
-            batch.append(frame)
-            size += len(frame)
-        self._put(b"".join(batch))
-
-    def _put(self, datagram: bytes) -> None:
-        with contextlib.suppress(OSError):  # nobody there, or no room: a datagram is lost
-            self._send(datagram, self._peer)
+        for batch in batches(frames):
+            with contextlib.suppress(OSError):  # nobody there, or no room: a datagram is lost
+                self._send(b"".join(batch), self._peer)
 
     def close(self) -> None:
         self._socket.close()

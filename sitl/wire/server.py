@@ -1,22 +1,35 @@
-"""The plant, served: an autopilot on its endpoints until it is stopped. The clocks are in `sitl.wire.clocks`."""
+"""The plant, served: an autopilot on its endpoints until it is stopped."""
 
 from __future__ import annotations
 
+import select
+import signal
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from enum import Enum
+from types import FrameType
 from typing import Final, NamedTuple
 
 from sitl.autopilot.autopilot import Autopilot
 from sitl.messages.log_download import LogFile
-from sitl.messages.services import Services
-from sitl.messages.streams import Streams
-from sitl.messages.telemetry import Telemetry
-from sitl.wire.clocks import Clocks, StopReason
+from sitl.wire import realtime
+from sitl.wire.lockstep import Lockstep, Wait
+from sitl.wire.plant import Plant
 from sitl.wire.ports import Endpoint, open_port
 from sitl.wire.signed_port import SignedPort
-from sitl.wire.wire import Channels, Peer, Wire
+from sitl.wire.wire import Channels, Peer
 
-LOCKSTEP_EPOCH_US: Final = 1_700_000_000_000_000  # SYSTEM_TIME must not depend on the day
+LONGEST_WAIT_S: Final = 0.02
+PEER_POLL_S: Final = 2e-5
+
+
+class StopReason(Enum):
+    """Why the plant stopped."""
+
+    REQUESTED = "requested"
+    SIGNAL = "signal"
 
 
 class ServeResult(NamedTuple):
@@ -48,7 +61,7 @@ def serve(
 
     Args:
         endpoints: where to listen; in lockstep the one that asks for ODOMETRY leads, the others are guests.
-        lockstep: which clock; see `sitl.wire.clocks`.
+        lockstep: which clock; see `sitl.wire.lockstep` and `sitl.wire.realtime`.
         stop: asked at least every 50 ms of wall time.
         on_ready: called once with the UDP port of the first endpoint (0 for a serial line) when all are open.
         logs: what LOG_REQUEST_LIST finds.
@@ -61,34 +74,34 @@ def serve(
     """
     if not endpoints:
         raise ValueError("no endpoint to serve")
-    system_id = autopilot.parameters.integer("MAV_SYS_ID")
-    component_id = autopilot.parameters.integer("MAV_COMP_ID")
-    epoch_us = LOCKSTEP_EPOCH_US if lockstep else time.time_ns() // 1000 - autopilot.time_us
-    wires: list[Wire] = []
-    card = list(logs)
+    plant = Plant(autopilot, lockstep=lockstep, logs=logs)
+    wires = plant.wires
+    stalls = 0
     try:
         for endpoint in endpoints:
             port = open_port(endpoint)
             if signing_key is not None:
                 port = SignedPort(port, signing_key)
-            telemetry = Telemetry(autopilot, system_id, component_id, epoch_us)
-            streams = Streams(telemetry, endpoint.profile, autopilot.time_us)
-            services = Services(autopilot, telemetry, streams, system_id, component_id, card)
-            wires.append(Wire(port, streams, services, None if wires else channels))
-        for wire in wires:
-            wire.neighbours = [other for other in wires if other is not wire]
-        server = Clocks(autopilot, wires, stop or (lambda: False), peer)
+            plant.add(port, endpoint.profile, None if wires else channels)
         start, start_us = time.monotonic(), autopilot.time_us
-        with server.signals():
+        with _signals() as signalled:
+
+            def stopping() -> bool:
+                return signalled() or (stop is not None and stop())
+
             if on_ready is not None:
                 on_ready(wires[0].port.number)
-            reason = server.run_lockstep() if lockstep else server.run_realtime()
+            if lockstep:
+                _run_lockstep(plant, stopping, peer)
+            else:
+                stalls = realtime.run(plant, stopping, peer)
+            reason = StopReason.SIGNAL if signalled() else StopReason.REQUESTED
         return ServeResult(
             reason,
             1e-6 * (autopilot.time_us - start_us),
             time.monotonic() - start,
-            server.odometry_sent,
-            server.stalls,
+            plant.odometry_sent,
+            stalls,
             sum(wire.parser.frames for wire in wires),
             sum(wire.parser.bad_crc for wire in wires),
             sum(wire.services.ignored for wire in wires),
@@ -96,3 +109,33 @@ def serve(
     finally:
         for wire in wires:
             wire.port.close()
+
+
+def _run_lockstep(plant: Plant, stop: Callable[[], bool], peer: Peer | None) -> None:
+    """Lockstep with somebody in another thread or process: waiting is waiting for a socket or a line."""
+    descriptors = [wire.port.fileno() for wire in plant.wires]
+    for wait in Lockstep(plant, stop, peer).run():
+        if wait is Wait.FRAMES:
+            select.select(descriptors, [], [], LONGEST_WAIT_S)
+        elif wait is Wait.PEER:
+            time.sleep(PEER_POLL_S)
+
+
+@contextmanager
+def _signals() -> Iterator[Callable[[], bool]]:
+    """SIGTERM and SIGINT end the run in good order; only the main thread can listen to them."""
+    came = False
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        came = True
+
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: came
+        return
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield lambda: came
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -13,7 +13,7 @@ from sitl.messages.services import Services
 from sitl.messages.streams import Streams
 from sitl.wire.forwarding import Address, concerns, target
 from sitl.wire.impairments import Channel
-from sitl.wire.ports import DATAGRAM_BYTES, Port
+from sitl.wire.ports import Port, batches
 
 _ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY.to_bytes(3, "little")
 _SETPOINT_ID: Final = mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET
@@ -75,8 +75,9 @@ class Wire:
     @property
     def due_us(self) -> int:
         """When the next thing happens on this wire."""
-        due = self.streams.due_us
-        return due if self.channels is None else min(due, self.channels.down.due_us, self.channels.up.due_us)
+        streams, channels = self.streams, self.channels
+        due = min(streams.odometry_due_us, streams.others_due_us)
+        return due if channels is None else min(due, channels.down.due_us, channels.up.due_us)
 
     def send(self, frames: list[bytes], now_us: int) -> None:
         """Frames on their way; on an impaired wire they arrive later, each by itself."""
@@ -131,15 +132,16 @@ class Wire:
 
     def arrive(self, now_us: int) -> None:
         """What has come through an impaired wire by now, both ways. `push` puts it on the real one."""
-        if self.channels is None:
+        channels = self.channels
+        if channels is None or (channels.down.due_us > now_us and channels.up.due_us > now_us):
             return
-        for frame, _ in self.channels.up.take(now_us):
+        for frame, _ in channels.up.take(now_us):
             for whole in self._late_parser.feed(frame):
                 self.services.handle(whole)
                 if self.neighbours:
                     self._forward(whole, now_us)
         self.flush(now_us)
-        for frame, intact in self.channels.down.take(now_us):
+        for frame, intact in channels.down.take(now_us):
             if not intact:  # by itself, so that it spoils no other
                 self.push()
                 self._put([frame])
@@ -156,17 +158,9 @@ class Wire:
 
     def _put(self, frames: list[bytes]) -> None:
         """As few datagrams as hold the frames, counted."""
-        batch: list[bytes] = []
-        size = 0
-        for frame in frames:
-            if batch and size + len(frame) > DATAGRAM_BYTES:
-                self.port.send(batch)
-                self.sent += self.port.connected
-                batch, size = [], 0
-            batch.append(frame)
-            size += len(frame)
-        self.port.send(batch)
-        self.sent += self.port.connected
+        for batch in batches(frames):
+            self.port.send(batch)
+            self.sent += self.port.connected
 
     def _note(self, frame: bytes) -> None:
         """Remember an ODOMETRY that will be answered."""

@@ -12,8 +12,8 @@ from itertools import pairwise
 from random import Random
 from typing import Final, NamedTuple
 
-from sitl.vehicles.quadrotor import euler, quaternion
-from sitl.vehicles.vehicle import Quaternion, Vector, VehicleState
+from sitl.vehicles.rotation import Quaternion, euler, quaternion, turned
+from sitl.vehicles.vehicle import Vector, VehicleState
 
 _STILL: Final = (0.0, 0.0, 0.0)
 _FORGET_S: Final = 1.0  # time in which a jump of the velocity estimate converges back to the truth
@@ -134,13 +134,6 @@ class Estimator:
             (velocity[0] + state[3], velocity[1] + state[4], velocity[2] + state[5]),
             quaternion(roll + state[6], pitch + state[7], yaw + state[8]),
         )
-
-
-def turned(q_wxyz: Quaternion, yaw_rad: float) -> Quaternion:
-    """An attitude turned about the vertical."""
-    c, s = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    w, x, y, z = q_wxyz
-    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 
 def _between(a: VehicleState, b: VehicleState, share: float) -> VehicleState:

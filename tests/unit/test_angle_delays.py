@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.config import ConfigError, load_config, load_text
 from sitl.build import build_vehicle
 from sitl.vehicles import quadrotor
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
+from sitl.vehicles.rotation import euler, quaternion
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
@@ -20,18 +23,18 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 def moves_after(vehicle: Vehicle, wanted: tuple[float, float, float], steps: int = 120) -> list[int | None]:
     """The millisecond in which roll, pitch and yaw first move after the set-point has changed from level."""
     for _ in range(100):
-        vehicle.step(LEVEL, 0.5, 1e-3)
+        vehicle.step(LEVEL, 0.5)
     found: list[int | None] = [None, None, None]
     for k in range(steps):
-        vehicle.step(quadrotor.quaternion(*wanted), 0.5, 1e-3)
-        for i, angle in enumerate(quadrotor.euler(*vehicle.state.q_wxyz)):
+        vehicle.step(quaternion(*wanted), 0.5)
+        for i, angle in enumerate(euler(*vehicle.state.q_wxyz)):
             if found[i] is None and abs(angle) > 1e-6:
                 found[i] = k
     return found
 
 
 def lifted(delay_s: float, angle_delays_s: tuple[float, float, float]) -> Quadrotor:
-    loop, none = Response(50.0, 0.0, 0.0), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
+    loop, none = LinearResponse(FirstOrder, (50.0,)), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
     params = quadrotor.QuadrotorParams(
         1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, AngleGains(0.0, 0.0, 0.0), none, none, none
     )
@@ -52,11 +55,11 @@ def test_each_angle_is_late_by_its_own_on_top_of_the_common_delay(axis: int, com
 def test_all_at_once_come_one_after_the_other() -> None:
     vehicle = lifted(0.0, (0.06, 0.04, 0.02))
     for _ in range(100):
-        vehicle.step(LEVEL, 0.5, 1e-3)
+        vehicle.step(LEVEL, 0.5)
     seen = []
     for _ in range(300):
-        vehicle.step(quadrotor.quaternion(0.1, 0.2, 0.3), 0.5, 1e-3)
-        seen.append(quadrotor.euler(*vehicle.state.q_wxyz))
+        vehicle.step(quaternion(0.1, 0.2, 0.3), 0.5)
+        seen.append(euler(*vehicle.state.q_wxyz))
     half = [next(k for k, angles in enumerate(seen) if angles[i] > 0.5 * at) for i, at in enumerate((0.1, 0.2, 0.3))]
     assert half[0] - half[1] == pytest.approx(20, abs=2)
     assert half[1] - half[2] == pytest.approx(20, abs=2)

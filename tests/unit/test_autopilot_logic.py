@@ -8,14 +8,16 @@ from typing import Final
 
 import pytest
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.commands import VehicleCommand
+from sitl.autopilot.commands import VehicleCommand, execute, set_mode
 from sitl.autopilot.geodesy import GlobalPosition, to_global, to_local
 from sitl.autopilot.modes import FlightMode, LandedState, custom_mode, from_main_sub, standard_mode
 from sitl.autopilot.parameters import HASH_NAME, OffboardLossAction, Parameters, ParamType
 from sitl.autopilot.position_hold import attitude_from_acceleration, yaw_of
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig
@@ -36,14 +38,14 @@ HOLD: Final = VehicleCommand(176, 1.0, 4.0, 3.0)
 
 
 def make_quadrotor(bandwidth_rad_s: float = 6.0, **parameters: float) -> Autopilot:
-    loop = Response(bandwidth_rad_s, 0.0, 0.0)
+    loop = LinearResponse(FirstOrder, (bandwidth_rad_s,))
     gains = AngleGains(0.0, 0.0, 0.0)
     params = QuadrotorParams(1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, gains, NO_RATES, NO_RATES, NO_RATES)
     return Autopilot(Quadrotor(params, HOVER), Parameters(parameters))
 
 
 def make_rig(**parameters: float) -> Autopilot:
-    params = RigParams(1.2, 0.25, 0.005, False, Response(3.0, 0.0, 0.0), 0.0, NO_RATES)
+    params = RigParams(1.2, 0.25, 0.005, False, LinearResponse(FirstOrder, (3.0,)), 0.0, NO_RATES)
     return Autopilot(Rig(params, HOVER), Parameters(parameters))
 
 
@@ -59,8 +61,8 @@ def stream(pilot: Autopilot, seconds: float, q_wxyz: tuple[float, float, float, 
 
 
 def airborne(pilot: Autopilot) -> Autopilot:
-    assert pilot.on_command(ARM) == ACCEPTED
-    assert pilot.on_command(TAKE_OFF) == ACCEPTED
+    assert execute(pilot, ARM) == ACCEPTED
+    assert execute(pilot, TAKE_OFF) == ACCEPTED
     run(pilot, 8.0)
     assert pilot.commander.mode is FlightMode.HOLD
     return pilot
@@ -68,7 +70,7 @@ def airborne(pilot: Autopilot) -> Autopilot:
 
 def in_offboard(pilot: Autopilot) -> Autopilot:
     stream(pilot, 0.1)
-    assert pilot.on_command(OFFBOARD)[-1] is Result.ACCEPTED
+    assert execute(pilot, OFFBOARD)[-1] is Result.ACCEPTED
     stream(pilot, 0.5)
     assert pilot.commander.mode is FlightMode.OFFBOARD
     return pilot
@@ -170,9 +172,9 @@ def test_bad_override() -> None:
 
 def test_disarm_in_the_air_needs_force() -> None:
     pilot = airborne(make_quadrotor())
-    assert pilot.on_command(DISARM) == REJECTED
+    assert execute(pilot, DISARM) == REJECTED
     assert pilot.commander.armed
-    assert pilot.on_command(KILL) == ACCEPTED
+    assert execute(pilot, KILL) == ACCEPTED
     run(pilot, 1.0)
     assert pilot.setpoint.thrust == 0.0
     assert pilot.estimate().velocity_ned_m_s[2] > 5.0 or pilot.vehicle.on_ground()
@@ -180,30 +182,30 @@ def test_disarm_in_the_air_needs_force() -> None:
 
 def test_arming_in_offboard_needs_the_stream() -> None:
     pilot = make_quadrotor()
-    assert pilot.on_command(OFFBOARD) == (Result.ACCEPTED, Result.ACCEPTED), "disarmed, any mode may be chosen"
+    assert execute(pilot, OFFBOARD) == (Result.ACCEPTED, Result.ACCEPTED), "disarmed, any mode may be chosen"
     assert pilot.system_status == 0
-    assert pilot.on_command(ARM) == REJECTED
+    assert execute(pilot, ARM) == REJECTED
     stream(pilot, 0.1)
-    assert pilot.on_command(ARM) == ACCEPTED
+    assert execute(pilot, ARM) == ACCEPTED
 
 
 @pytest.mark.parametrize("mode", [FlightMode.LAND, FlightMode.RTL, FlightMode.POSCTL, FlightMode.MANUAL])
 def test_modes_that_prevent_arming(mode: FlightMode) -> None:
     pilot = make_quadrotor()
-    pilot.set_mode(1, custom_mode(mode) >> 16 & 255, custom_mode(mode) >> 24)
+    set_mode(pilot, 1, custom_mode(mode) >> 16 & 255, custom_mode(mode) >> 24)
     assert pilot.commander.mode is mode
-    assert pilot.on_command(ARM) == REJECTED
+    assert execute(pilot, ARM) == REJECTED
 
 
 def test_forced_arming_still_runs_the_checks() -> None:
     pilot = make_quadrotor()
-    pilot.on_command(LAND)
-    assert pilot.on_command(VehicleCommand(400, 1.0, 21196.0)) == REJECTED
+    execute(pilot, LAND)
+    assert execute(pilot, VehicleCommand(400, 1.0, 21196.0)) == REJECTED
 
 
 def test_preflight_timeout_disarms() -> None:
     pilot = make_quadrotor()
-    pilot.on_command(ARM)
+    execute(pilot, ARM)
     run(pilot, 10.9)
     assert pilot.commander.armed
     run(pilot, 0.2)
@@ -213,7 +215,7 @@ def test_preflight_timeout_disarms() -> None:
 def test_arming_sets_home() -> None:
     pilot = make_quadrotor()
     run(pilot, 2.0)
-    pilot.on_command(ARM)
+    execute(pilot, ARM)
     assert pilot.home.time_us == 2_000_000
 
 
@@ -222,8 +224,8 @@ def test_arming_sets_home() -> None:
 
 def test_take_off_hold_and_land() -> None:
     pilot = make_quadrotor()
-    pilot.on_command(ARM)
-    assert pilot.on_command(TAKE_OFF) == ACCEPTED
+    execute(pilot, ARM)
+    assert execute(pilot, TAKE_OFF) == ACCEPTED
     assert pilot.landed_state is LandedState.ON_GROUND
     run(pilot, 3.0)
     assert pilot.landed_state is LandedState.TAKEOFF
@@ -231,7 +233,7 @@ def test_take_off_hold_and_land() -> None:
     assert pilot.commander.mode is FlightMode.HOLD
     assert pilot.landed_state is LandedState.IN_AIR
     assert pilot.estimate().position_ned_m == pytest.approx((0.0, 0.0, -2.5), abs=0.05)
-    assert pilot.on_command(LAND) == ACCEPTED
+    assert execute(pilot, LAND) == ACCEPTED
     run(pilot, 1.0)
     assert pilot.landed_state is LandedState.LANDING
     assert pilot.estimate().velocity_ned_m_s[2] == pytest.approx(0.7, abs=0.1)
@@ -244,15 +246,15 @@ def test_take_off_hold_and_land() -> None:
 
 def test_take_off_to_a_given_altitude() -> None:
     pilot = make_quadrotor()
-    pilot.on_command(ARM)
-    pilot.on_command(VehicleCommand(22, p7=to_global((0.0, 0.0, -4.0)).altitude_m))
+    execute(pilot, ARM)
+    execute(pilot, VehicleCommand(22, p7=to_global((0.0, 0.0, -4.0)).altitude_m))
     run(pilot, 10.0)
     assert pilot.estimate().position_ned_m[2] == pytest.approx(-4.0, abs=0.05)
 
 
 def test_nothing_but_take_off_lifts_off() -> None:
     pilot = make_quadrotor()
-    pilot.on_command(ARM)
+    execute(pilot, ARM)
     run(pilot, 5.0)
     assert pilot.commander.landed
     assert pilot.estimate().position_ned_m == (0.0, 0.0, 0.0)
@@ -261,7 +263,7 @@ def test_nothing_but_take_off_lifts_off() -> None:
 @pytest.mark.parametrize("bandwidth_rad_s", [3.0, 5.5, 20.0])
 def test_hold_is_stable_on_slow_attitude_loops(bandwidth_rad_s: float) -> None:
     pilot = airborne(make_quadrotor(bandwidth_rad_s))
-    pilot.on_command(VehicleCommand(192, p2=1.0, p4=1.0, p5=math.nan, p6=math.nan, p7=math.nan))
+    execute(pilot, VehicleCommand(192, p2=1.0, p4=1.0, p5=math.nan, p6=math.nan, p7=math.nan))
     pilot.navigator.go_to((4.0, -3.0, -3.5), None)
     farthest = 0.0
     for _ in range(200):
@@ -289,7 +291,7 @@ def test_return_from_afar_climbs_travels_and_lands() -> None:
     pilot = airborne(make_quadrotor(RTL_RETURN_ALT=6.0, RTL_DESCEND_ALT=4.0))
     pilot.navigator.go_to((15.0, 0.0, -2.5), None)
     run(pilot, 20.0)
-    assert pilot.on_command(VehicleCommand(20)) == ACCEPTED
+    assert execute(pilot, VehicleCommand(20)) == ACCEPTED
     highest = 0.0
     for _ in range(400):
         run(pilot, 0.1)
@@ -304,10 +306,10 @@ def test_return_from_afar_climbs_travels_and_lands() -> None:
 
 def test_set_mode_is_answered_twice_and_only_the_second_counts() -> None:
     pilot = airborne(make_quadrotor())
-    assert pilot.on_command(OFFBOARD) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
+    assert execute(pilot, OFFBOARD) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
     assert pilot.commander.mode is FlightMode.HOLD
     stream(pilot, 0.1)
-    assert pilot.on_command(OFFBOARD) == (Result.ACCEPTED, Result.ACCEPTED)
+    assert execute(pilot, OFFBOARD) == (Result.ACCEPTED, Result.ACCEPTED)
     assert pilot.commander.mode is FlightMode.OFFBOARD
 
 
@@ -315,7 +317,7 @@ def test_an_old_setpoint_does_not_open_offboard() -> None:
     pilot = airborne(make_quadrotor())
     pilot.on_attitude_target(LEVEL, HOVER)
     run(pilot, 1.0)
-    assert pilot.on_command(OFFBOARD)[-1] is Result.TEMPORARILY_REJECTED
+    assert execute(pilot, OFFBOARD)[-1] is Result.TEMPORARILY_REJECTED
 
 
 def test_silence_holds_the_last_setpoint_then_returns() -> None:
@@ -385,7 +387,7 @@ def test_a_resumed_stream_returns_to_offboard_by_itself() -> None:
 def test_another_mode_asked_for_in_between_stays() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
     run(pilot, 1.5)
-    assert pilot.on_command(HOLD)[-1] is Result.ACCEPTED
+    assert execute(pilot, HOLD)[-1] is Result.ACCEPTED
     assert pilot.commander.mode is FlightMode.HOLD
     assert not pilot.commander.failsafe
     stream(pilot, 0.5)
@@ -395,7 +397,7 @@ def test_another_mode_asked_for_in_between_stays() -> None:
 def test_return_asked_for_during_the_failsafe_stays() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
     run(pilot, 1.5)
-    assert pilot.on_command(VehicleCommand(20)) == ACCEPTED
+    assert execute(pilot, VehicleCommand(20)) == ACCEPTED
     stream(pilot, 0.5)
     assert pilot.commander.mode is FlightMode.RTL
 
@@ -427,14 +429,14 @@ def test_throttle_ignore_means_no_thrust() -> None:
 def test_a_setpoint_without_attitude_and_rates_is_none() -> None:
     pilot = airborne(make_quadrotor())
     pilot.on_attitude_target(LEVEL, HOVER, 0x87)
-    assert pilot.on_command(OFFBOARD)[-1] is Result.TEMPORARILY_REJECTED
+    assert execute(pilot, OFFBOARD)[-1] is Result.TEMPORARILY_REJECTED
     pilot.on_attitude_target(LEVEL, HOVER, 0x80)
-    assert pilot.on_command(OFFBOARD)[-1] is Result.ACCEPTED
+    assert execute(pilot, OFFBOARD)[-1] is Result.ACCEPTED
 
 
 def test_offboard_is_read_after_an_automatic_landing() -> None:
     pilot = in_offboard(airborne(make_quadrotor()))
-    pilot.on_command(LAND)
+    execute(pilot, LAND)
     run(pilot, 12.0)
     assert not pilot.commander.armed
     assert pilot.commander.mode is FlightMode.OFFBOARD
@@ -443,20 +445,20 @@ def test_offboard_is_read_after_an_automatic_landing() -> None:
 
 def test_termination_is_final() -> None:
     pilot = airborne(make_quadrotor())
-    assert pilot.on_command(VehicleCommand(185, 1.0)) == ACCEPTED
+    assert execute(pilot, VehicleCommand(185, 1.0)) == ACCEPTED
     run(pilot, 0.1)
     assert pilot.setpoint.thrust == 0.0
     assert pilot.system_status == 8
-    assert pilot.on_command(HOLD)[-1] is Result.TEMPORARILY_REJECTED
+    assert execute(pilot, HOLD)[-1] is Result.TEMPORARILY_REJECTED
 
 
 def test_commands_nobody_knows() -> None:
     pilot = make_quadrotor()
-    assert pilot.on_command(VehicleCommand(31999)) == (Result.UNSUPPORTED,)
-    assert pilot.on_command(VehicleCommand(400, 7.0)) == (Result.UNSUPPORTED,)
-    assert pilot.on_command(VehicleCommand(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
-    assert pilot.on_command(VehicleCommand(185, 1.0)) == (Result.DENIED,), "disarmed"
-    assert pilot.on_command(VehicleCommand(246, 1.0)) == (Result.DENIED,)
+    assert execute(pilot, VehicleCommand(31999)) == (Result.UNSUPPORTED,)
+    assert execute(pilot, VehicleCommand(400, 7.0)) == (Result.UNSUPPORTED,)
+    assert execute(pilot, VehicleCommand(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
+    assert execute(pilot, VehicleCommand(185, 1.0)) == (Result.DENIED,), "disarmed"
+    assert execute(pilot, VehicleCommand(246, 1.0)) == (Result.DENIED,)
 
 
 # --- rig ------------------------------------------------------------------------------------------------------------
@@ -464,12 +466,12 @@ def test_commands_nobody_knows() -> None:
 
 def test_rig_neither_takes_off_nor_returns() -> None:
     pilot = make_rig()
-    assert pilot.on_command(TAKE_OFF) == REJECTED
-    assert pilot.on_command(VehicleCommand(20)) == REJECTED
-    assert pilot.on_command(ARM) == ACCEPTED
+    assert execute(pilot, TAKE_OFF) == REJECTED
+    assert execute(pilot, VehicleCommand(20)) == REJECTED
+    assert execute(pilot, ARM) == ACCEPTED
     run(pilot, 0.1)
     assert pilot.landed_state is LandedState.IN_AIR
-    assert pilot.on_command(TAKE_OFF) == REJECTED
+    assert execute(pilot, TAKE_OFF) == REJECTED
     assert pilot.commander.mode is FlightMode.HOLD
     run(pilot, 30.0)
     assert pilot.commander.armed, "no preflight timeout: it counts as flying"
@@ -477,7 +479,7 @@ def test_rig_neither_takes_off_nor_returns() -> None:
 
 def test_rig_loses_the_stream_into_hold_and_comes_back() -> None:
     pilot = make_rig()
-    pilot.on_command(ARM)
+    execute(pilot, ARM)
     run(pilot, 0.1)
     in_offboard(pilot)
     stream(pilot, 1.0, (math.cos(0.1), 0.0, -math.sin(0.1), 0.0))
@@ -495,10 +497,10 @@ def test_rig_loses_the_stream_into_hold_and_comes_back() -> None:
 
 def test_rig_lands_by_stopping_its_motors() -> None:
     pilot = make_rig()
-    pilot.on_command(ARM)
+    execute(pilot, ARM)
     run(pilot, 0.5)
-    assert pilot.on_command(DISARM) == REJECTED
-    pilot.on_command(LAND)
+    assert execute(pilot, DISARM) == REJECTED
+    execute(pilot, LAND)
     run(pilot, 0.1)
     assert pilot.setpoint.thrust == 0.0
     run(pilot, 2.5)

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from companion.flight.vehicle_link.estimator_status import missing_flags
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.control.types import Odometry
@@ -26,7 +27,7 @@ AT_REST = Odometry(10.0, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     ],
 )
 def test_flags_that_a_position_controller_needs(flags: int, missing: int) -> None:
-    assert estimator.missing_flags(flags) == missing
+    assert missing_flags(flags) == missing
 
 
 def test_a_jump_is_what_velocity_does_not_explain() -> None:

@@ -6,7 +6,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from sitl.vehicles.quadrotor import euler, quaternion
+from sitl.vehicles.rotation import euler, quaternion
 from sitl.vehicles.vehicle import VehicleState
 from sitl.world.estimator import Estimator, Lag, Noise, turned
 from sitl.world.estimator_status import (

@@ -16,7 +16,7 @@ from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.pilot.controller_params import initial_weights, position_params
 from companion.flight.pilot.doublets import CALM_M, CALM_M_S, PATIENCE_S, Manoeuvre
 from companion.flight.pilot.pilot import Pilot
-from sitl.vehicles.quadrotor import euler
+from sitl.vehicles.rotation import euler
 
 SHIPPED = Path(__file__).resolve().parents[2] / "config"
 PX4, RIG = SHIPPED / "px4_quadrotor.yaml", SHIPPED / "antx_rig.yaml"

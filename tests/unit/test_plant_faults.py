@@ -10,16 +10,16 @@ from companion.config import ConfigError, load_config
 from companion.mavlink.codec import FrameParser, Layout, decode_cold
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.commands import VehicleCommand
+from sitl.autopilot.commands import VehicleCommand, execute, switch
 from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.autopilot.request_faults import Answer, RequestFaults
 from sitl.build import build_world
 from sitl.messages.telemetry import Telemetry
-from sitl.vehicles.quadrotor import euler, quaternion
-from sitl.world.estimator import turned
+from sitl.scenarios.settled import ALTITUDE_M, SETTLE_S, settled_world
+from sitl.vehicles.rotation import euler, quaternion, turned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "sitl"))
-from running_plant import autopilot, quadrotor
+from harness.running_plant import autopilot, quadrotor
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 ODOMETRY = Layout("ODOMETRY")
@@ -34,7 +34,7 @@ def airborne() -> Autopilot:
 def in_offboard() -> Autopilot:
     pilot = airborne()
     pilot.on_attitude_target((1.0, 0.0, 0.0, 0.0), 0.5)
-    assert pilot.switch(FlightMode.OFFBOARD) is Result.ACCEPTED
+    assert switch(pilot, FlightMode.OFFBOARD) is Result.ACCEPTED
     return pilot
 
 
@@ -75,7 +75,7 @@ def test_mismatch_moves_the_thrust_that_carries_it(mismatch: str, true_hover: fl
     craft = world(f"plant.mismatch={mismatch}").autopilot.vehicle
     craft.lift_to(-50.0)
     for _ in range(100):
-        craft.step((1.0, 0.0, 0.0, 0.0), craft.hover_thrust * true_hover, 1e-3)
+        craft.step((1.0, 0.0, 0.0, 0.0), craft.hover_thrust * true_hover)
     assert craft.state.velocity_ned_m_s[2] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -150,19 +150,19 @@ def test_a_wrong_clock_is_in_the_stamps_of_odometry_alone() -> None:
         (Answer.LATE, Result.ACCEPTED, FlightMode.OFFBOARD, FlightMode.HOLD),
     ],
 )
-def test_obedience(answer: Answer, result: Result, at_once: FlightMode, later: FlightMode) -> None:
+def test_request_faults(answer: Answer, result: Result, at_once: FlightMode, later: FlightMode) -> None:
     pilot = in_offboard()
-    pilot.obedience = RequestFaults()
-    pilot.obedience.answers[FlightMode.HOLD] = answer
-    pilot.obedience.late_us = 300_000
-    results = pilot.on_command(VehicleCommand(176, 1, 4, 3))
+    pilot.request_faults = RequestFaults()
+    pilot.request_faults.answers[FlightMode.HOLD] = answer
+    pilot.request_faults.late_us = 300_000
+    results = execute(pilot, VehicleCommand(176, 1, 4, 3))
     assert results == (Result.ACCEPTED, result)
     assert pilot.commander.mode is at_once
     for _ in range(50):
         pilot.on_attitude_target((1.0, 0.0, 0.0, 0.0), 0.5)
         pilot.advance(pilot.time_us + 10_000)
     assert pilot.commander.mode is later
-    assert pilot.obedience.requests == [FlightMode.HOLD]
+    assert pilot.request_faults.requests == [FlightMode.HOLD]
 
 
 @pytest.mark.parametrize(
@@ -170,9 +170,9 @@ def test_obedience(answer: Answer, result: Result, at_once: FlightMode, later: F
 )
 def test_arming_that_is_not_done(answer: Answer, result: Result) -> None:
     pilot = autopilot(quadrotor())
-    pilot.obedience = RequestFaults()
-    pilot.obedience.arming = answer
-    assert pilot.on_command(VehicleCommand(400, 1)) == (result,)
+    pilot.request_faults = RequestFaults()
+    pilot.request_faults.arming = answer
+    assert execute(pilot, VehicleCommand(400, 1)) == (result,)
     assert not pilot.commander.armed
 
 
@@ -191,7 +191,7 @@ def test_a_forced_failsafe_ends_when_the_user_asks_for_a_mode() -> None:
     pilot.commander.forced_failsafe = FlightMode.RTL
     pilot.advance(20_000)
     assert pilot.commander.mode is FlightMode.RTL
-    assert pilot.switch(FlightMode.HOLD) is Result.ACCEPTED
+    assert switch(pilot, FlightMode.HOLD) is Result.ACCEPTED
     pilot.advance(40_000)
     assert (pilot.commander.mode, pilot.commander.failsafe) == (FlightMode.HOLD, False)
 
@@ -216,3 +216,18 @@ def test_hooks_see_every_control_step_and_every_setpoint() -> None:
     pilot.advance(100_000)
     assert len(steps) == 10
     assert setpoints == [0.4]
+
+
+def test_a_settled_world_is_copied_whole_and_its_copies_share_nothing() -> None:
+    config = load_config(
+        CONFIG, ("plant.sensors={position_m: 0.02, delay_s: 0.01}", "plant.wind={mean_ned_m_s: [3, 0, 0]}")
+    )
+    fresh = build_world(config, complete=True)
+    fresh.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
+    first, second = settled_world(config), settled_world(config)
+    begun = second.autopilot.vehicle.state
+    for world in (fresh, first):
+        world.autopilot.advance(world.autopilot.time_us + 2_000_000)
+    assert first.autopilot.vehicle.state == fresh.autopilot.vehicle.state
+    assert first.autopilot.estimate() == fresh.autopilot.estimate()
+    assert second.autopilot.vehicle.state == begun != first.autopilot.vehicle.state

@@ -24,7 +24,7 @@ from companion.control import (
 )
 from companion.control.ease import EaseState
 from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from sitl.vehicles.quadrotor import quaternion
+from sitl.vehicles.rotation import quaternion
 
 angles = st.floats(-math.pi, math.pi)
 ALTITUDE = altitude.AltitudeParams(1.5, 4.0, 1.0, 0.2, 30.0, 3.0, 1.0, 9.81)

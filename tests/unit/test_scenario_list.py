@@ -12,15 +12,14 @@ from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Event, Flight, tick_dtype
 from sitl.autopilot.modes import FlightMode
-from sitl.scenarios import actors as people
-from sitl.scenarios import faults
-from sitl.scenarios.catalogue.index import ALL, by_name, pick
+from sitl.scenarios import actors, faults
+from sitl.scenarios.index import ALL, by_name, pick
 from sitl.scenarios.observer import Account, Change
 from sitl.scenarios.scenario import QUADROTOR, Flown, Scenario
 from sitl.scenarios.verdict import problems, worst_error_m
 
 CONFIGS = Path(__file__).resolve().parents[2] / "config"
-# No fault of vehicle, link or people makes these: tests of the flight process do.
+# No fault of vehicle, link or actors makes these: tests of the flight process do.
 ELSEWHERE = {Reason.SETPOINT_INVALID, Reason.INTERNAL_ERROR}
 
 
@@ -38,7 +37,7 @@ def test_every_fault_of_the_vocabulary_is_used() -> None:
     used = {type(what) for scenario in ALL for what in (*scenario.before, *(w for _, w in scenario.happens))}
     vocabulary = {
         kind
-        for module in (faults, people)
+        for module in (faults, actors)
         for _, kind in inspect.getmembers(module, inspect.isclass)
         if kind.__module__ == module.__name__
     }
@@ -95,7 +94,7 @@ def test_what_holds_passes() -> None:
         ({"summary": SUMMARY._replace(reason=Reason.OPERATOR)}, "ended for operator"),
         ({"summary": SUMMARY._replace(engaged=False)}, "control never began"),
         ({"summary": SUMMARY._replace(engaged_s=5.0)}, "not by 4"),
-        ({"scenario": SCENARIO._replace(happens=((3.5, people.OperatorStops()),))}, "before anything happened at 3.5"),
+        ({"scenario": SCENARIO._replace(happens=((3.5, actors.OperatorStops()),))}, "before anything happened at 3.5"),
         ({"scenario": SCENARIO._replace(events=("reseated",))}, "no event reseated"),
         ({"asked": (FlightMode.OFFBOARD,)}, "asked for OFFBOARD"),
         (

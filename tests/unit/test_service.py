@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from companion.cli import read_command_line
+from companion.commands import run
 from companion.config.service import ServiceSection
 from companion.flight.host.service import Notifier, prepare_process
 
@@ -170,12 +172,11 @@ def test_systemd_has_nothing_to_say_against_the_unit(tmp_path: Path) -> None:
 
 
 def test_the_unit_starts_what_the_command_line_knows() -> None:
-    from companion.cli import _build_parser  # noqa: PLC0415 - only here
-
     settings = dict(line.split("=", 1) for line in UNIT.read_text().splitlines() if "=" in line and line[0] != "#")
     program, *arguments = settings["ExecStart"].split()
     assert program.endswith("/companion")
-    assert _build_parser().parse_args(arguments).command == "run"
+    module, _ = read_command_line(arguments)
+    assert module is run
     assert settings["Type"] == "notify"
     assert settings["Restart"] == "always"
     assert "--engage" not in arguments

@@ -6,7 +6,9 @@ from random import Random
 import numpy as np
 import pytest
 
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, Response
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FirstOrder
+from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import CALM, Effects, QuadrotorParams
 from sitl.vehicles.vehicle import Quadrotor
 from sitl.world.environment import STEP_S, Environment, Turbulence, Wind
@@ -16,7 +18,7 @@ GUST = Gust((3.0, 0.0, 0.0), start_s=1.0, rise_s=2.0, hold_s=1.0, every_s=10.0)
 
 
 def vehicle() -> Quadrotor:
-    loop, rates = Response(8.0, 0.0, 0.0), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
+    loop, rates = LinearResponse(FirstOrder, (8.0,)), RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
     params = QuadrotorParams(
         1.0, 0.1, 0.01, 0.01, 0.02, False, loop, loop, loop, AngleGains(0.0, 0.0, 0.0), rates, rates, rates
     )
@@ -83,7 +85,7 @@ def test_the_same_seed_blows_the_same_wind() -> None:
 
 def fly_level(craft: Quadrotor, seconds: float) -> None:
     for _ in range(round(1e3 * seconds)):
-        craft.step((1.0, 0.0, 0.0, 0.0), 0.5, 1e-3)
+        craft.step((1.0, 0.0, 0.0, 0.0), 0.5)
 
 
 def test_a_level_vehicle_is_carried_along_until_it_drifts_with_the_wind() -> None:
@@ -102,7 +104,7 @@ def test_environment_hands_wind_battery_and_motors_to_the_vehicle() -> None:
     air = Environment(craft, Random(1), Wind((2.0, 0.0, 0.0), GUST), sag_1_s=0.1)
     air.motors, air.roll_bias_rad = 0.8, 0.2
     for step in range(200):
-        air.step(1.0 + step * STEP_S)
+        air.step(round(1e6 * (1.0 + step * STEP_S)))
     assert craft.effects == Effects(*air.wind_ned_m_s, 0.2, 0.0)
     assert air.wind_ned_m_s[0] == pytest.approx(2.0 + 3.0 * gust_share(GUST, 2.99))
     assert craft.thrust_share == pytest.approx(0.8 * (1.0 - 0.1 * 2.0))
@@ -114,7 +116,7 @@ def test_turbulence_turns_with_the_mean_wind() -> None:
         air = Environment(craft, Random(1), Wind(mean, None, Turbulence(7.7, 6.0)))
         rows = []
         for step in range(100):
-            air.step(step * STEP_S)
+            air.step(round(1e6 * step * STEP_S))
             rows.append(np.subtract(air.wind_ned_m_s, mean))
         return np.array(rows)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from companion.flight.authority.reasons import MEANING, Reason
+from companion.config.guards.rows import Reason
 
-__all__ = ["MEANING", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off"]
+__all__ = ["ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off"]
 
 
 class State(IntEnum):

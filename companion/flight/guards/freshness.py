@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from companion.flight.authority.reasons import Reason
+from companion.config.guards.rows import Reason
 from companion.flight.guards import table
 from companion.flight.guards.table import Limits
 
@@ -32,6 +32,6 @@ class Freshness:
         """What has not been heard for too long, or None."""
         pose_at_s, heartbeat_at_s, limits = self._pose_at_s, self._heartbeat_at_s, self._limits
         reason = table.stale(limits, now_s - pose_at_s, now_s - heartbeat_at_s)
-        fresh_until_s = min(pose_at_s + limits.pose_age_s, heartbeat_at_s + limits.heartbeat_age_s)
+        fresh_until_s = min(pose_at_s + limits[Reason.POSE_STALE], heartbeat_at_s + limits[Reason.HEARTBEAT_LOST])
         self.until_s = fresh_until_s if reason is None else -math.inf
         return reason

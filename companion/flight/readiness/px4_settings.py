@@ -49,8 +49,6 @@ KINDS: Final[Mapping[str, type]] = {
     "COM_RC_OVERRIDE": int,
     "NAV_DLL_ACT": int,
 }
-INSTANCES: Final = range(3)  # of MAVLink, as MAV_0_MODE; absent where PX4 runs as a simulation
-ONBOARD: Final = 2  # MAV_*_MODE
 
 _FIRMWARE: Final = (1, 17)
 _OFFBOARD_LOSS: Final = ("Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm")
@@ -60,6 +58,21 @@ _ODOMETRY_BYTES: Final = 244
 _BESIDE_BYTES_S: Final = 4000  # heartbeat, mode, status, answers
 _LONGEST_LOSS_S: Final = 1.0
 _DANGEROUS_LOSS_S: Final = 2.0
+
+
+def judge(
+    config: Config,
+    version: tuple[int, int, int],
+    firmware: str,
+    health: Mapping[str, bool],
+    found: Found,
+    odometry_hz: float | None,
+) -> list[Setting]:
+    """A row for everything the vehicle tells of itself; `odometry_hz` is None where it could not be counted."""
+    rows = [judge_firmware(version, firmware), judge_health(health)]
+    if odometry_hz is not None:
+        rows.append(judge_odometry(config, odometry_hz))
+    return rows + judge_parameters(config, found)
 
 
 def judge_parameters(config: Config, found: Found) -> list[Setting]:

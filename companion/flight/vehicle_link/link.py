@@ -66,7 +66,7 @@ class VehicleLink:
         self._signing = None if key_file is None else Signing(read_key(key_file))
         self._pymavlink = mavlink.MAVLink(None, srcSystem=self._own[0], srcComponent=self._own[1])
         self._encode_setpoint = Encoder(SET_ATTITUDE_TARGET, *self._own, signed=key_file is not None).encode
-        self._ground_station = GroundStation(one_axis=config.vehicle.kind == "rig")
+        self._ground_station = GroundStation(one_axis=config.vehicle_kind.one_axis)
         self._sequence = 0
         self._steering: list[Frame] = []
         self.pose = pose = PoseSource()

@@ -1,4 +1,4 @@
-"""Scenarios of people: pilots who switch, disarm and kill, and an operator who has had enough."""
+"""Scenarios of authority: pilots who switch, disarm and kill, and an operator who has had enough."""
 
 from __future__ import annotations
 

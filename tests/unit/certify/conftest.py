@@ -5,16 +5,11 @@ from decimal import Decimal
 
 import pytest
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.certificate import certify
-from companion.certify.problem import (
-    AttitudeResponse,
-    AxisProblem,
-    FirstOrder,
-    Problem,
-    Sampling,
-    decimal,
-    interval,
-)
+from companion.certify.problem import AxisProblem, Problem, Sampling
 from companion.certify.statement import Json
 
 Axis = Callable[..., AxisProblem]

@@ -7,6 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder, SecondOrder, TransferFunction
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import (
     fastest_reference,
     largest_delay,
@@ -18,7 +21,6 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import simulate, unstable_bandwidth, worst_switching
-from companion.certify.problem import AttitudeResponse, FirstOrder, SecondOrder, TransferFunction, decimal, interval
 from companion.certify.proof import check
 
 

@@ -7,9 +7,12 @@ from decimal import Decimal
 
 import pytest
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.assess import assess
 from companion.certify.falsify import Counterexample
-from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, Problem, decimal, interval
+from companion.certify.problem import AxisProblem, Problem
 
 NARROW = AxisProblem(
     decimal("2.3"),

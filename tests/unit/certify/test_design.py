@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 import companion.certify.design as module
+from companion.attitude_response.exact import interval
+from companion.attitude_response.kinds import FirstOrder, SecondOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify import proof
 from companion.certify.certificate import certify
 from companion.certify.design import SAMPLED_SHARE, Design, design, rates, slower
 from companion.certify.from_config import problem
-from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, Problem, SecondOrder, interval
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import statement
 from companion.config import load_config

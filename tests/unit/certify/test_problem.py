@@ -9,20 +9,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from companion.attitude_response.realisation import companion_form, corners, delay_line
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder, SecondOrder, TransferFunction
+from companion.attitude_response.realisation import companion_form, delay_line, is_hurwitz
+from companion.attitude_response.response import AttitudeResponse, corners
 from companion.certify.closed_loop import axis_vertices, joint_vertices
 from companion.certify.lifting import gram_null_space, lift, monomials
-from companion.certify.problem import (
-    AttitudeResponse,
-    FirstOrder,
-    Problem,
-    Sampling,
-    SecondOrder,
-    TransferFunction,
-    decimal,
-    interval,
-    is_hurwitz,
-)
+from companion.certify.problem import Problem, Sampling
 from companion.certify.statement import problem_of, statement
 
 

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
+from companion.attitude_response.exact import decimal, interval
+from companion.attitude_response.kinds import FirstOrder, SecondOrder
+from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import with_bandwidth
 from companion.certify.certificate import Scaling, floats, prove
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import exponentials, worst_switching
 from companion.certify.lifting import monomials
-from companion.certify.problem import AttitudeResponse, AxisProblem, FirstOrder, SecondOrder, decimal, interval
+from companion.certify.problem import AxisProblem
 from companion.certify.sampled import error_dynamics, largest_adaptation_rate, tick_matrix
 
 

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from pyulog import ULog
 
+from companion.attitude_response.kind import LinearResponse
 from companion.identify.series import OURS, Recording, Track
 from companion.mavlink.codec import Encoder, Layout
 from companion.mavlink.px4 import Mode
-from sitl.vehicles.attitude_loop import Response, respond
+from sitl.vehicles.attitude_loop import respond
 
 Change = Callable[[dict[str, dict[str, Any]]], None]
 VEHICLE, COMPANION = (1, 1), (1, 191)
@@ -59,7 +60,7 @@ def tlog(records: Iterable[tuple[float, bytes]]) -> bytes:
 class Known(NamedTuple):
     """A vehicle whose response is known: one axis, first or second order, and where its delay is spent."""
 
-    response: Response
+    response: LinearResponse
     up_s: float = 0.01  # set-point sent to in force
     down_s: float = 0.01  # attitude to received
     noise_rad: float = math.radians(0.2)
@@ -105,7 +106,7 @@ def fly(
     setpoints, measured = np.zeros(n), np.zeros(len(stamp_s))
     now = angle = rate = wanted = position = velocity = 0.0
     for time_s, index in zip(times, order.tolist(), strict=True):
-        angle, rate = respond(known.response, angle, rate, wanted, time_s - now)
+        angle, rate, _ = respond(known.response, angle, rate, (), wanted, time_s - now)
         dt, now = time_s - now, time_s
         friction = known.friction_1_s * velocity + known.coulomb_m_s2 * math.tanh(velocity / 0.05)
         velocity += dt * (-G * math.sin(angle) - friction)

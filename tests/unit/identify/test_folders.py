@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from identify_logs import Flown, Known, flown_tlog, fly
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import SecondOrder
 from companion.cli import main
 from companion.identify.identification import identify_log
 from companion.record import schema
 from companion.record.recorder import RECORD_HEADER, TICK
 from companion.record.writer import write
-from sitl.vehicles.attitude_loop import Response
 
 ROOT = Path(__file__).resolve().parents[3]
-KNOWN = Known(Response(0.0, 9.0, 0.9), up_s=0.02, down_s=0.0)
+KNOWN = Known(LinearResponse(SecondOrder, (9.0, 0.9)), up_s=0.02, down_s=0.0)
 
 
 def flight_record(flown: Flown, latency_s: float) -> bytes:

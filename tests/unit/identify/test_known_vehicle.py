@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 from identify_logs import Known, flown_tlog, fly, recording
 
-from companion.attitude_response.kinds import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, respond
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, FirstOrder, SecondOrder
+from companion.attitude_response.simulation import respond
 from companion.identify.identification import identify, identify_log
-from sitl.vehicles.attitude_loop import Response
 from sitl.vehicles.attitude_loop import respond as exact
 
 RUNS = 100
 
 
-def first_order(bandwidth_rad_s: float) -> Response:
-    return Response(bandwidth_rad_s, 0.0, 0.0)
+def first_order(bandwidth_rad_s: float) -> LinearResponse:
+    return LinearResponse(FirstOrder, (bandwidth_rad_s,))
 
 
 def test_a_hundred_flights_with_noise_delay_and_friction() -> None:
@@ -47,7 +48,7 @@ def test_a_hundred_flights_with_noise_delay_and_friction() -> None:
 
 
 def test_a_second_order_vehicle_is_told_from_a_first_order_one() -> None:
-    known = Known(Response(0.0, 9.0, 0.8), up_s=0.02, down_s=0.01)
+    known = Known(LinearResponse(SecondOrder, (9.0, 0.8)), up_s=0.02, down_s=0.01)
     axis = identify([recording(fly(known, 1, manoeuvres=5))]).axes["pitch"]
     assert axis.chosen.model is SECOND_ORDER_DELAY
     for truth, (low, high) in zip((9.0, 0.8, 0.03), axis.chosen.interval_95, strict=True):
@@ -71,7 +72,7 @@ def test_several_logs_add_their_manoeuvres_up() -> None:
 
 
 def test_the_link_is_told_from_the_vehicle_in_a_tlog_whose_clocks_differ(tmp_path: Path) -> None:
-    known = Known(Response(0.0, 9.0, 0.9), up_s=0.03, down_s=0.02)
+    known = Known(LinearResponse(SecondOrder, (9.0, 0.9)), up_s=0.03, down_s=0.02)
     path = tmp_path / "flight.tlog"
     path.write_bytes(flown_tlog(fly(known, 5, manoeuvres=4), up_s=known.up_s))
     axis = identify_log([path]).axes["pitch"]
@@ -92,7 +93,7 @@ def test_the_response_is_the_plants_step_by_step(model: object, values: tuple[fl
     parameters = {1: values[:1], 2: (values[0], values[2]), 3: values}[len(model.parameters)]  # type: ignore[attr-defined]
     delay_s = parameters[-1] if len(parameters) > 1 else 0.0
     second = len(parameters) == 3
-    plant = Response(0.0 if second else values[0], values[0] if second else 0.0, values[1])
+    plant = LinearResponse(SecondOrder, values[:2]) if second else LinearResponse(FirstOrder, values[:1])
     modelled = respond(model, parameters, setpoint_s, setpoints, time_s)  # type: ignore[arg-type]
     angle, rate, now, wanted = setpoints[0], 0.0, -1.0, setpoints[0]
     events = sorted(
@@ -100,7 +101,7 @@ def test_the_response_is_the_plants_step_by_step(model: object, values: tuple[fl
     )
     stepped = []
     for at, kind, value in events:
-        angle, rate = exact(plant, angle, rate, wanted, at - now)
+        angle, rate, _ = exact(plant, angle, rate, (), wanted, at - now)
         now = at
         if kind == 0:
             wanted = value

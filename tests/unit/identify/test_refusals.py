@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from identify_logs import Change, Known, flown_tlog, fly, frame, only, tlog
 
+from companion.attitude_response.kind import LinearResponse
+from companion.attitude_response.kinds import SecondOrder
 from companion.cli import main
 from companion.mavlink.px4 import Mode
-from sitl.vehicles.attitude_loop import Response
 
 ROOT = Path(__file__).resolve().parents[3]
 RIG, QUADROTOR = (ROOT / "config" / f"{name}.yaml" for name in ("antx_rig", "paper_quadrotor"))
@@ -224,7 +225,7 @@ def test_places_without_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def one_axis(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tlog of a vehicle of which only pitch was excited."""
     path = tmp_path_factory.mktemp("one") / "pitch.tlog"
-    path.write_bytes(flown_tlog(fly(Known(Response(0.0, 9.0, 0.9)), 1, manoeuvres=3)))
+    path.write_bytes(flown_tlog(fly(Known(LinearResponse(SecondOrder, (9.0, 0.9))), 1, manoeuvres=3)))
     return path
 
 

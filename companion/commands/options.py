@@ -1,0 +1,76 @@
+"""Options that several commands share, each declared once."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import NamedTuple
+
+from companion.config import Config, load_config
+
+
+class ConfigFile(NamedTuple):
+    """The config a command was given: the file, and the keys that the command line overrides, `section.key=value`."""
+
+    path: Path
+    overrides: tuple[str, ...]
+
+    def load(self) -> Config:
+        """The config as overridden. Raises `ConfigError`."""
+        return load_config(self.path, self.overrides)
+
+
+def shipped_config() -> Path:
+    """`config/` of the checkout, or its copy inside an installed package."""
+    package = Path(__file__).parents[1]
+    shipped = package / "shipped_config"
+    return shipped if shipped.exists() else package.parent / "config"
+
+
+def add_config(parser: argparse.ArgumentParser, default: Path | None = None) -> None:
+    """The config file, optional where there is a default, and `--set`."""
+    parser.add_argument("config", type=Path, nargs="?" if default else None, default=default)
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="override one key of the config, as in --set controller.axes.x.adaptation_rate.standard=200",
+    )
+
+
+def config_file(namespace: argparse.Namespace) -> ConfigFile:
+    """What `add_config` declared; `--identify` is an override too, and what `--set` says of it counts more."""
+    first = ["mission={identification: {}}"] if getattr(namespace, "identify", False) else []
+    return ConfigFile(namespace.config, (*first, *namespace.overrides))
+
+
+def add_flight(parser: argparse.ArgumentParser) -> None:
+    """`--identify` and `--hedging`: what is flown, and by which controller."""
+    parser.add_argument(
+        "--identify",
+        action="store_true",
+        help="fly attitude doublets for `companion identify` instead of the mission",
+    )
+    parser.add_argument(
+        "--hedging",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="fly only the hedged or only the standard controller",
+    )
+
+
+def add_tool_link(parser: argparse.ArgumentParser) -> None:
+    """`--link` of the commands that ask the vehicle and change nothing."""
+    parser.add_argument("--link", help="as for run, or unix://PATH; default: the config's, or what `run` shares of it")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """`--json`."""
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+
+
+def add_logs(parser: argparse.ArgumentParser) -> None:
+    """The logs to identify from."""
+    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="PX4 ULog, tlog or flight folder")

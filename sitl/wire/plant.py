@@ -1,0 +1,110 @@
+"""An autopilot on its wires: simulated time moves, what falls due on the way is sent, what has come is answered.
+
+When time moves is decided elsewhere: `sitl.wire.realtime` keeps up with the wall clock, `sitl.wire.lockstep` waits for
+the companion.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from sitl.autopilot.autopilot import Autopilot
+from sitl.messages.log_download import LogFile
+from sitl.messages.services import Services
+from sitl.messages.streams import Profile, Streams
+from sitl.messages.telemetry import Telemetry
+from sitl.wire.ports import Port
+from sitl.wire.wire import Channels, Wire
+
+LOCKSTEP_EPOCH_US: Final = 1_700_000_000_000_000  # SYSTEM_TIME must not depend on the day
+
+
+class Plant:
+    """An autopilot and the wires that it is heard on.
+
+    Args:
+        lockstep: whether time at its start is the same in every run; otherwise it is the wall clock's.
+        logs: what LOG_REQUEST_LIST finds.
+    Attributes: `odometry_sent` on all wires.
+    """
+
+    def __init__(self, autopilot: Autopilot, *, lockstep: bool, logs: Sequence[LogFile] = ()) -> None:
+        self.autopilot = autopilot
+        self.wires: list[Wire] = []
+        self.odometry_sent = 0
+        self._epoch_us = LOCKSTEP_EPOCH_US if lockstep else time.time_ns() // 1000 - autopilot.time_us
+        self._card = list(logs)
+
+    def add(self, port: Port, profile: Profile, channels: Channels | None = None) -> Wire:
+        """One more wire. `channels`: what its frames meet on their way."""
+        autopilot = self.autopilot
+        system_id = autopilot.parameters.integer("MAV_SYS_ID")
+        component_id = autopilot.parameters.integer("MAV_COMP_ID")
+        telemetry = Telemetry(autopilot, system_id, component_id, self._epoch_us)
+        streams = Streams(telemetry, profile, autopilot.time_us)
+        services = Services(autopilot, telemetry, streams, system_id, component_id, self._card)
+        wire = Wire(port, streams, services, channels)
+        for other in self.wires:
+            other.neighbours.append(wire)
+            wire.neighbours.append(other)
+        self.wires.append(wire)
+        return wire
+
+    def advance(self, to_us: int) -> None:
+        """Move simulated time, sending what falls due on the way at its own time, ODOMETRY after the others."""
+        autopilot, wires = self.autopilot, self.wires
+        outgoing: list[list[bytes]] = [[] for _ in wires]
+        while True:
+            due = min([wire.due_us for wire in wires])
+            if due > to_us:
+                break
+            autopilot.advance(due)
+            for wire, frames in zip(wires, outgoing, strict=True):
+                streams = wire.streams
+                streams.others(due, frames)
+                if streams.odometry_due_us <= due:
+                    streams.odometry(due, frames)
+                    self.odometry_sent += 1
+                if wire.channels is not None:
+                    wire.send(frames, due)
+                    frames.clear()
+                    wire.arrive(due)
+        autopilot.advance(to_us)
+        if autopilot.notices:
+            self.tell_all()
+        for wire, frames in zip(wires, outgoing, strict=True):
+            if frames:
+                wire.send(frames, to_us)
+            if wire.channels is not None:
+                wire.push()
+            if wire.services.logs.sending:
+                wire.services.send_logs(to_us)
+                wire.flush(to_us)
+
+    def receive_all(self, wires: Sequence[Wire] | None = None) -> None:
+        """Take what has come on these wires, on all of them by default."""
+        came = False
+        for wire in wires or self.wires:
+            while data := wire.port.receive():
+                came = True
+                wire.handle(data, self.autopilot.time_us)
+        if came:
+            self.tell_all()
+
+    def tell_all(self) -> None:
+        """Status texts to ground stations, parameters that one link changed to the others."""
+        notices = self.autopilot.notices
+        for wire in self.wires:
+            if wire.services.ground_station_seen:
+                for notice in notices:
+                    wire.services.send_status_text(notice.severity, notice.text)
+            for changed in wire.services.changed:
+                for other in self.wires:
+                    if other is not wire:
+                        other.services.send_parameter(changed)
+            wire.services.changed.clear()
+        notices.clear()
+        for wire in self.wires:
+            wire.flush(self.autopilot.time_us)
