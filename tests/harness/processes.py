@@ -5,6 +5,7 @@ A time limit here is for what hangs, never for what is slow: a busy machine must
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -31,17 +32,24 @@ PATIENT: Final = (
 )  # fmt: skip
 
 
-def start(*arguments: object, stdout: Any = subprocess.PIPE) -> Process:
+def start(*arguments: object, stdout: Any = subprocess.PIPE, cwd: Path = ROOT) -> Process:
     """`companion` with these arguments, running."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-u", "-m", "companion", *map(str, arguments)]
     return subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env=environment,
     )
 
 
-def finish(*arguments: object, timeout_s: float = PATIENCE_S) -> subprocess.CompletedProcess[str]:
+def finish(*arguments: object, timeout_s: float = PATIENCE_S, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
     """`companion` with these arguments, ended."""
-    process = start(*arguments)
+    process = start(*arguments, cwd=cwd)
     out, err = end_of(process, timeout_s)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
