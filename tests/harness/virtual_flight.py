@@ -91,7 +91,7 @@ class VirtualFlight:
         config = load_config(RIG, (*SLOW, *settings))
         self._recorder = open_folder(self.folder, RIG, config, blocking=True, direct=True)
         self._link = VirtualLink(self.autopilot, clock, self._wait_for_test)
-        self.process = FlightProcess(config, self._link, self._recorder, engage=engage, say=self.lines.append)
+        self.process = FlightProcess(config, self._link, self._recorder, engage=engage, print_line=self.lines.append)
         self._thread = threading.Thread(target=self._fly, name="flight", daemon=True)
         self._thread.start()
         self._wait_for_flight()
