@@ -2,9 +2,9 @@
 
 A Kalman filter with position aiding has a constant gain once it has settled. Its error obeys, per axis,
 
-    e_p' = e_v - k1 e_p + n_p        e_v' = a - k2 e_p + n_v        a' = -a/tau + n_a
+    e_p' = e_v - k1 e_p + n_p        e_v' = a - k2 e_p - k3 e_v + n_v        a' = -a/tau + n_a
 
-where e_p, e_v are the errors of position and velocity, k1, k2 the gains, n_p, n_v what the noise of the aiding does
+where e_p, e_v are the errors of position and velocity, k1, k2, k3 the gains, n_p, n_v what the noise of the aiding does
 through them, and a the acceleration that the inertial part gets wrong (a tilted horizon, the bias of an accelerometer).
 So the velocity error is not the derivative of the position error: for slow a it is k1 e_p, of one sign for seconds.
 That is what a position controller has to live with.
@@ -22,6 +22,7 @@ class AxisError(NamedTuple):
 
     position_gain_1_s: float = 0.0  # k1
     velocity_gain_1_s2: float = 0.0  # k2
+    velocity_damping_1_s: float = 0.0  # k3, of an aid that measures velocity
     position_noise_m_sqrt_s: float = 0.0  # m/sqrt(s), of n_p
     velocity_noise_m_s_sqrt_s: float = 0.0  # (m/s)/sqrt(s), of n_v
     acceleration_m_s2: float = 0.0  # standard deviation of a
@@ -44,14 +45,26 @@ class NavigationError(NamedTuple):
     down: AxisError
 
 
-# Fitted to auto- and cross-covariances, lags 0 to 6 s, of estimate less ground truth in five recorded flights of 54 s
-# of PX4 v1.17 (SIH, EKF2 with GPS). Over 53 s, recorded / this model: north 0.134 / 0.141 m, 0.187 / 0.180 m/s; east
-# 0.188 / 0.194 m, 0.252 / 0.243 m/s; correlation of the two 0.87 and 0.92 / 0.88 and 0.93; half of it left after 4 s.
-GPS: Final = NavigationError(
-    AxisError(1.273, 0.553, 0.0766, 0.001, 0.114, 1.64),
-    AxisError(1.230, 0.470, 0.0713, 0.008, 0.139, 1.95),
-    AxisError(1.248, 1.456, 0.0, 0.054, 0.105, 0.77),
-)
+# `gps` is fitted to auto- and cross-covariances, lags 0 to 6 s, of estimate less ground truth in five recorded
+# flights of 54 s of PX4 v1.17 (SIH, EKF2 with GPS). Over 53 s, recorded / this model: north 0.134 / 0.141 m, 0.187 /
+# 0.180 m/s; east 0.188 / 0.194 m, 0.252 / 0.243 m/s; correlation of the two 0.87 and 0.92 / 0.88 and 0.93; half of it
+# left after 4 s. The others are not recorded. `rtk`: the same filter, since EKF2_GPS_P_NOISE (0.5 m) bounds what it
+# believes, with 1.5 cm of fix noise at 5 Hz and a third of the wrong acceleration. `motion_capture`: the steady gains
+# of that filter for EKF2_EVP_NOISE (0.1 m) at 50 Hz, with 1 mm of noise. `optical_flow`: velocity alone is aided
+# (EKF2_OF_N_MIN, 0.15 rad/s, 2 m over ground), so that the position walks away. Source of the parameters:
+# docs.px4.io, "Parameter Reference", EKF2.
+PRESETS: Final = {
+    "gps": NavigationError(
+        AxisError(1.273, 0.553, 0.0, 0.0766, 0.001, 0.114, 1.64),
+        AxisError(1.230, 0.470, 0.0, 0.0713, 0.008, 0.139, 1.95),
+        AxisError(1.248, 1.456, 0.0, 0.0, 0.054, 0.105, 0.77),
+    ),
+    "rtk": NavigationError(*(AxisError(1.25, 0.51, 0.0, 0.0084, 0.002, 0.042, 1.8),) * 3),
+    "optical_flow": NavigationError(
+        *(AxisError(0.0, 0.0, 1.5, 0.0, 0.05, 0.042, 1.8),) * 2, AxisError(1.25, 1.456, 0.0, 0.0, 0.02, 0.05, 0.77)
+    ),
+    "motion_capture": NavigationError(*(AxisError(2.1, 2.2, 0.0, 0.0003, 0.002, 0.042, 1.8),) * 3),
+}
 
 
 def step(params: AxisError, state: ErrorState, dt_s: float, n1: float, n2: float, n3: float) -> ErrorState:
@@ -59,19 +72,22 @@ def step(params: AxisError, state: ErrorState, dt_s: float, n1: float, n2: float
 
     A semi-implicit Euler step: to be called every 20 ms or oftener, far below the time constants of the presets.
     """
-    k1, k2, position_noise, velocity_noise, deviation, tau_s = params
+    k1, k2, k3, position_noise, velocity_noise, deviation, tau_s = params
     position, velocity, acceleration = state
     root = math.sqrt(dt_s)
     decay = math.exp(-dt_s / tau_s)
     acceleration = decay * acceleration + math.sqrt(1.0 - decay * decay) * deviation * n3
-    velocity = velocity + dt_s * (acceleration - k2 * position) + root * velocity_noise * n2
+    velocity = velocity + dt_s * (acceleration - k2 * position - k3 * velocity) + root * velocity_noise * n2
     position = position + dt_s * (velocity - k1 * position) + root * position_noise * n1
     return ErrorState(position, velocity, acceleration)
 
 
 def settled(params: AxisError, normal: Callable[[], float], dt_s: float = 0.02, time_s: float = 30.0) -> ErrorState:
-    """A state drawn from what the error is after a long time. `normal` draws standard normal numbers."""
+    """A state drawn from what the error is after a while. `normal` draws standard normal numbers.
+
+    Where nothing holds the position, it begins at zero.
+    """
     state = ErrorState()
     for _ in range(round(time_s / dt_s)):
         state = step(params, state, dt_s, normal(), normal(), normal())
-    return state
+    return state if params.position_gain_1_s > 0.0 else state._replace(position_m=0.0)
