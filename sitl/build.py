@@ -110,7 +110,7 @@ def build_vehicle(config: Config) -> Vehicle:
 
 
 class World(NamedTuple):
-    """An autopilot with all that may go wrong around it; `None` where nothing does."""
+    """An autopilot with all that may go wrong around it; `None` where nothing does. Pickling copies it."""
 
     autopilot: Autopilot
     environment: Environment | None
@@ -154,13 +154,12 @@ def build_world(config: Config, *, complete: bool = False) -> World:
     environment = estimator = channels = None
     if complete or plant.wind is not None or plant.battery_sag_1_s:
         environment = Environment(vehicle, random("environment"), wind(plant.wind), plant.battery_sag_1_s)
-        stepped = environment
-        autopilot.on_control = lambda now_us: stepped.step(1e-6 * now_us)
+        autopilot.on_control = environment.step
     if complete or plant.sensors is not None:
         sensors = plant.sensors or SensorsSection()
         estimator = Estimator(
-            lambda: vehicle.state,
-            lambda: autopilot.time_us,
+            autopilot.truth,
+            autopilot.now_us,
             random("estimator"),
             Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
             Lag(sensors.delay_s, sensors.jitter_s),

@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 
 from companion.config import Config, ConfigError
+from companion.record.direct import DirectRecorder
 from companion.record.recorder import Recorder
 
 
@@ -33,11 +34,12 @@ def _cannot_write(folder: Path, reason: str | None) -> ConfigError:
     return ConfigError(f"{folder}: cannot write the flight folder: {reason}")
 
 
-def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bool) -> Recorder:
+def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bool, direct: bool = False) -> Recorder:
     """Make the folder, put the config in it and start its writer.
 
-    `config.yaml` is the config as flown, overrides included; its first line names the file it came from. Raises
-    `ConfigError` with one line when the folder cannot be written.
+    `config.yaml` is the config as flown, overrides included; its first line names the file it came from. `direct`: no
+    process of its own writes the log, but this one, when the recorder is closed. Raises `ConfigError` with one line
+    when the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -45,4 +47,4 @@ def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bo
         (folder / "config.yaml").write_text(f"# as flown, from {config_path.name}\n{used}", encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error.strerror) from None
-    return Recorder(folder, blocking=blocking)
+    return DirectRecorder(folder) if direct else Recorder(folder, blocking=blocking)

@@ -13,7 +13,7 @@ import io
 import signal
 import struct
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -84,13 +84,18 @@ def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:
 
 def write(folder: Path, stream: IO[bytes]) -> bool:
     """Write a flight's files until the stream ends. True when all of it is on disk."""
+    return write_records(folder, records(stream))
+
+
+def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]]) -> bool:
+    """Write a flight's files from records of (kind, time in microseconds, data). True when all of it is on disk."""
     tlog, mcap = _File(str(folder / "traffic.tlog")), _File(str(folder / "flight.mcap"))
     with contextlib.ExitStack() as files:
         traffic = tlog.open(files)
         flight = mcap.open(files)
         writer, tick_channel, event_channel = _open_mcap(flight)
         sequence = 0
-        for kind, time_us, data in records(stream):
+        for kind, time_us, data in all_records:
             if kind in (RECEIVED, SENT):
                 tlog.attempt(lambda t=time_us, d=data: _to(traffic, t, d))  # type: ignore[misc]
             elif kind in (TICK, EVENT):

@@ -69,7 +69,7 @@ class Autopilot:
         self.time_us = 0
         self.reset_counter = 0
         self.notices: deque[Notice] = deque(maxlen=32)
-        self.estimate: Callable[[], VehicleState] = lambda: vehicle.state
+        self.estimate: Callable[[], VehicleState] = self.truth
         self.heading_error_rad = 0.0
         self.health = NOMINAL
         self.stamp_us: Callable[[int], int] | None = None
@@ -177,7 +177,15 @@ class Autopilot:
         self.navigator.enter(FlightMode.HOLD, self.estimate(), self.home, self.time_us)
         self.advance(now_us)
 
+    def now_us(self) -> int:
+        """Simulated time since boot."""
+        return self.time_us
+
     # --- what it tells ----------------------------------------------------------------------------------------------
+
+    def truth(self) -> VehicleState:
+        """The vehicle's true state, which it does not know."""
+        return self.vehicle.state
 
     @property
     def landed_state(self) -> LandedState:

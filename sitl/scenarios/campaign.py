@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Final
 
 from sitl.scenarios.flight import Bases, fly
 from sitl.scenarios.index import by_name
 from sitl.scenarios.scenario import Flown
+
+_WAITING: Final = 4  # flights by the wall clock at a time: they leave most of a core alone
+_STEP_BACK: Final = 10  # niceness of those that take all they can get, beside flights by the wall clock
 
 
 def fly_all(
@@ -18,25 +24,40 @@ def fly_all(
 ) -> list[Flown]:
     """Fly scenarios by name, several at a time; their verdicts in the order of `names`.
 
-    Those that take the wall's time begin first, so that nobody waits for them at the end. Ctrl-C ends what flies.
+    `workers` processes fly those in lockstep, as fast as the machine allows. Those that take the wall's time are flown
+    beside them by processes of their own. Ctrl-C ends what flies.
     """
-    begin = sorted(names, key=lambda name: not by_name(name).realtime)
+    waiting = [name for name in names if by_name(name).realtime]
+    busy = [name for name in names if not by_name(name).realtime]
     flown: dict[str, Flown] = {}
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with contextlib.ExitStack() as pools:
+        futures = []
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: in them only a flight listens
         try:
-            futures = [pool.submit(_fly_named, name, bases, folder / name) for name in begin]
+            for queue, size, niceness in ((waiting, _WAITING, 0), (busy, workers, _STEP_BACK if waiting else 0)):
+                if queue:
+                    pool = pools.enter_context(_pool(min(size, len(queue)), niceness))
+                    futures += [pool.submit(_fly_named, name, bases, folder / name) for name in queue]
         finally:
             signal.signal(signal.SIGINT, before)
+        for future in as_completed(futures):
+            result = future.result()
+            flown[result.name] = result
+            on_flown(result)
+    return [flown[name] for name in names]
+
+
+@contextlib.contextmanager
+def _pool(workers: int, niceness: int) -> Iterator[Executor]:
+    """Processes to fly in; whatever goes wrong, what has not begun is not begun any more."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload([__name__])  # imported once, for all of them
+    with ProcessPoolExecutor(workers, context, os.nice, (niceness,)) as pool:
         try:
-            for future in as_completed(futures):
-                result = future.result()
-                flown[result.name] = result
-                on_flown(result)
+            yield pool
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return [flown[name] for name in names]
 
 
 def _fly_named(name: str, bases: Bases, folder: Path) -> Flown:

@@ -18,6 +18,7 @@ from companion.record.reader import read_flight
 from sitl.build import World, build_world
 from sitl.scenarios.run import ScenarioRun
 from sitl.scenarios.scenario import Flown, Scenario
+from sitl.scenarios.settled import settled_world
 from sitl.scenarios.verdict import problems, worst_error_m
 from sitl.scenarios.watched_link import WatchedLink
 from sitl.wire.lockstep import LockstepTimeoutError
@@ -25,8 +26,6 @@ from sitl.wire.memory import MemoryLink
 from sitl.wire.ports import UdpEndpoint
 from sitl.wire.server import serve
 
-ALTITUDE_M: Final = 5.0
-SETTLE_S: Final = 8.0  # of Hold, before anybody is there
 _NOBODY: Final = 9  # the discard port: heartbeats before the companion is heard reach nobody
 _READY_S: Final = 20.0
 _PATIENCE_S: Final = 60.0
@@ -71,11 +70,10 @@ def _fly(
 ) -> tuple[Summary, ScenarioRun, str | None]:
     """How it ended, the run, and what the recorder complains of."""
     lockstep = not scenario.realtime
-    recorder = open_folder(folder, path, config, blocking=lockstep)
+    in_memory = lockstep and not sockets
+    recorder = open_folder(folder, path, config, blocking=lockstep, direct=in_memory)
     try:
-        world = build_world(config, complete=True)
-        if scenario.airborne:
-            world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
+        world = settled_world(config) if scenario.airborne else build_world(config, complete=True)
         run = ScenarioRun(
             world,
             scenario.happens,
@@ -87,7 +85,6 @@ def _fly(
             companion_ids=(config.link.system_id, config.link.component_id),
         )
         link = run.companion = WatchedLink()
-        in_memory = lockstep and not sockets
         with _in_memory(world, run, link) if in_memory else _over_udp(world, run, link, lockstep=lockstep):
             process = FlightProcess(config, link, recorder, engage=scenario.engage, lockstep=lockstep)
             run.process = process

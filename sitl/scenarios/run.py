@@ -105,7 +105,7 @@ class ScenarioRun:
         self.channels.down.put(bytes(message.pack(self._ground_station)), self.autopilot.time_us)
 
     def _control(self, now_us: int) -> None:
-        self.environment.step(1e-6 * now_us)
+        self.environment.step(now_us)
         for action in self._running:
             action(now_us)
         self.observer.see(now_us)

@@ -64,10 +64,10 @@ class Environment:
             else dryden(turbulence.wind_at_20_ft_m_s, turbulence.altitude_m, math.hypot(speed, down), STEP_S)
         )
 
-    def step(self, time_s: float) -> None:
-        """One step of `STEP_S`."""
+    def step(self, now_us: int) -> None:
+        """One step of `STEP_S`, at a simulated time."""
         if self._wind is not None:
-            self.wind_ned_m_s = self._blowing(self._wind, time_s)
+            self.wind_ned_m_s = self._blowing(self._wind, 1e-6 * now_us)
         self._battery = max(self._battery - STEP_S * self.sag_1_s, 0.0)
         self._vehicle.thrust_share = self._battery * self.motors
         effects = Effects(*self.wind_ned_m_s, self.roll_bias_rad, self.pitch_bias_rad)

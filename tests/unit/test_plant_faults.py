@@ -15,6 +15,7 @@ from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.autopilot.request_faults import Answer, RequestFaults
 from sitl.build import build_world
 from sitl.messages.telemetry import Telemetry
+from sitl.scenarios.settled import ALTITUDE_M, SETTLE_S, settled_world
 from sitl.vehicles.rotation import euler, quaternion, turned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "sitl"))
@@ -215,3 +216,18 @@ def test_hooks_see_every_control_step_and_every_setpoint() -> None:
     pilot.advance(100_000)
     assert len(steps) == 10
     assert setpoints == [0.4]
+
+
+def test_a_settled_world_is_copied_whole_and_its_copies_share_nothing() -> None:
+    config = load_config(
+        CONFIG, ("plant.sensors={position_m: 0.02, delay_s: 0.01}", "plant.wind={mean_ned_m_s: [3, 0, 0]}")
+    )
+    fresh = build_world(config, complete=True)
+    fresh.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
+    first, second = settled_world(config), settled_world(config)
+    begun = second.autopilot.vehicle.state
+    for world in (fresh, first):
+        world.autopilot.advance(world.autopilot.time_us + 2_000_000)
+    assert first.autopilot.vehicle.state == fresh.autopilot.vehicle.state
+    assert first.autopilot.estimate() == fresh.autopilot.estimate()
+    assert second.autopilot.vehicle.state == begun != first.autopilot.vehicle.state

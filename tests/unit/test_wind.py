@@ -104,7 +104,7 @@ def test_environment_hands_wind_battery_and_motors_to_the_vehicle() -> None:
     air = Environment(craft, Random(1), Wind((2.0, 0.0, 0.0), GUST), sag_1_s=0.1)
     air.motors, air.roll_bias_rad = 0.8, 0.2
     for step in range(200):
-        air.step(1.0 + step * STEP_S)
+        air.step(round(1e6 * (1.0 + step * STEP_S)))
     assert craft.effects == Effects(*air.wind_ned_m_s, 0.2, 0.0)
     assert air.wind_ned_m_s[0] == pytest.approx(2.0 + 3.0 * gust_share(GUST, 2.99))
     assert craft.thrust_share == pytest.approx(0.8 * (1.0 - 0.1 * 2.0))
@@ -116,7 +116,7 @@ def test_turbulence_turns_with_the_mean_wind() -> None:
         air = Environment(craft, Random(1), Wind(mean, None, Turbulence(7.7, 6.0)))
         rows = []
         for step in range(100):
-            air.step(step * STEP_S)
+            air.step(round(1e6 * step * STEP_S))
             rows.append(np.subtract(air.wind_ned_m_s, mean))
         return np.array(rows)
 
