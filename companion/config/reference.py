@@ -106,6 +106,7 @@ def keys(model: type[BaseModel], path: str = "", values: Any = None) -> Iterator
     for name, field in model.model_fields.items():
         text = " ".join((field.description or docs.get(name, "")).split())
         given = _BRACKETS.match(text)
+        meaning = _sentence(text[given.end() :] if given else text)
         default = getattr(values, name) if values is not None else field.get_default(call_default_factory=True)
         section = _section(field.annotation)
         listed = section is not None and "tuple" in str(field.annotation)
@@ -114,7 +115,7 @@ def keys(model: type[BaseModel], path: str = "", values: Any = None) -> Iterator
             ("list of sections" if listed else "section") if section else _type(schema["properties"][name], schema),
             given[1] if given else next((unit for end, unit in _UNITS.items() if name.endswith(end)), ""),
             "required" if values is None and field.is_required() else _text(default),
-            text[given.end() :] if given else text,
+            meaning,
             section,
             default if isinstance(default, BaseModel) else None,
         )
@@ -190,6 +191,12 @@ def _section(annotation: Any) -> type[BaseModel] | None:
         return annotation
     found = (_section(argument) for argument in get_args(annotation))
     return next((section for section in found if section is not None), None)
+
+
+def _sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    first = text[:1].upper() if text[:1].isascii() else text[:1]  # a Greek letter is a symbol
+    return f"{first}{text[1:].removesuffix('.')}." if text else ""
 
 
 def _text(value: Any) -> str:

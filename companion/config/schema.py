@@ -12,14 +12,14 @@ from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
 from companion.config.base import Id, Number, Positive, Section
-from companion.config.consistency import check_fence, check_guards, check_steering
+from companion.config.consistency import check_delay, check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
-from companion.config.guards import Guards, ReleaseSection, check_delay
+from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
-from companion.config.service import ServiceSection, SteeringSection
+from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 

@@ -8,13 +8,12 @@ from typing import Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.flight.authority.states import Reason, State
-from companion.flight.guards.blindness import Sight
-from companion.flight.guards.estimator import ESTIMATOR_STATUS
 from companion.flight.host.runtime import Status
 from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
 from companion.flight.readiness.parameters import PARAM_VALUE
 from companion.flight.session import Session
+from companion.flight.vehicle_link.estimator_status import ESTIMATOR_STATUS
 from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.flight.vehicle_link.link_delay import INTERVAL_S, TIMESYNC
 from companion.mavlink import px4
@@ -41,7 +40,6 @@ class Housekeeping:
         self._notifier = notifier
         self._ground_station = GroundStation(one_axis=flight.config.vehicle.kind == "rig")
         self._engagement = engagement
-        self._sight = Sight(flight)
         self._met = False
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
@@ -57,7 +55,7 @@ class Housekeeping:
         if number == TIMESYNC.message_id:
             flight.delay.answered(frame, flight.clock_s())
         elif number == ESTIMATOR_STATUS.message_id:
-            self._sight.take(frame)
+            flight.estimator.on_frame(frame, flight.clock_s())
         elif number == PARAM_VALUE:
             if flight.preflight.told(frame):
                 self._parameter_changed()
@@ -80,7 +78,7 @@ class Housekeeping:
             self._check()
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
-        self._sight.look()
+        self._look_for_blindness(state)
         if port.rival is not None:
             self._meet(port.rival)
         if flight.sample is not None and state is not State.RELEASED and clock_s >= self._timesync_s:
@@ -97,6 +95,18 @@ class Housekeeping:
         if clock_s >= self._flush_s:  # seldom: waking the writer costs as much as ten ticks
             self._flush_s = clock_s + _FLUSH_S
             flight.recorder.flush()
+
+    def _look_for_blindness(self, state: State) -> None:
+        """Forget what is too old, and tell or refuse where a guard has gone blind with it."""
+        flight, now_s = self._flight, self._flight.clock_s()
+        flight.blindness.forget(now_s)
+        ready = state in (State.STANDBY, State.ENGAGED)
+        for reason, text, ends_control in flight.blindness.look(flight.told(), now_s, ready=ready):
+            flight.event("blind", text)
+            flight.say(text)
+            flight.tell(f"companion: {text}")
+            if ends_control is not None:
+                flight.refuse(reason, ends_control)
 
     def _parameter_changed(self) -> None:
         """Somebody has set what the certificate is for: never begin with it; in control it is too late but to tell."""

@@ -113,7 +113,7 @@ class FlightProcess:
         """Until control has ended."""
         flight, port, keeping = self._flight, self._port, self._keeping
         heard_s = flight.began_wall_s
-        overrun_s = self._limits.tick_overrun_s
+        overrun_s = self._limits[Reason.TICK_OVERRUN]
         while flight.state is not _RELEASED:
             data = port.receive()
             wall_s = time.monotonic()
@@ -150,14 +150,14 @@ class FlightProcess:
         if (
             flight.state is not _ENGAGED
             or flight.fault is not None
-            or now - flight.pose_at_s > limits.pose_age_s
-            or now - flight.heartbeat_at_s > limits.heartbeat_age_s
+            or now - flight.pose_at_s > limits[Reason.POSE_STALE]
+            or now - flight.heartbeat_at_s > limits[Reason.HEARTBEAT_LOST]
         ):
             self._fresh_until_s = -math.inf
             self._changes.decide()
         else:
             self._fresh_until_s = min(
-                flight.pose_at_s + limits.pose_age_s, flight.heartbeat_at_s + limits.heartbeat_age_s
+                flight.pose_at_s + limits[Reason.POSE_STALE], flight.heartbeat_at_s + limits[Reason.HEARTBEAT_LOST]
             )
 
     # -- what comes in ------------------------------------------------------------------------------------------------

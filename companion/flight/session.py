@@ -13,9 +13,12 @@ from companion.config.schema import Config
 from companion.control.types import Odometry
 from companion.flight.authority.states import Reason, State
 from companion.flight.guards import table as guards
+from companion.flight.guards.blindness import Blindness
+from companion.flight.guards.measures import Told
 from companion.flight.guards.watch import Watch
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.preflight import Preflight
+from companion.flight.vehicle_link.estimator_status import EstimatorStatus
 from companion.flight.vehicle_link.link_delay import LinkDelay
 from companion.flight.vehicle_link.odometry import PoseSource
 from companion.flight.vehicle_link.port import Port
@@ -56,7 +59,10 @@ class Session:
         # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters.
         self.preflight = Preflight(config, self.pose, compare=not lockstep, uncertified=uncertified)
         self.delay = LinkDelay()
-        self.watch = Watch(config, self.limits, self.pose, self.delay)
+        self.estimator = EstimatorStatus()
+        self.watch = Watch(config, self.limits)
+        forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}
+        self.blindness = Blindness(config, self.limits, forget)
         self.state = State.CONNECTING
         self.reason = Reason.OPERATOR
         self.detail = ""
@@ -78,6 +84,12 @@ class Session:
         """Of the vehicle, as it says."""
         sample = self.sample
         return 0.0 if sample is None else math.sqrt(sample.vx_m_s**2 + sample.vy_m_s**2 + sample.vz_m_s**2)
+
+    def told(self) -> Told:
+        """What the vehicle and the link last told beside the pose, for the guards."""
+        pose, delay = self.pose, self.delay
+        resets_counted = pose.message == "ODOMETRY"
+        return Told(self.estimator.missing, pose.variance_ned_m2, resets_counted, delay.round_trip_s, delay.jitter_s)
 
     def clock_s(self) -> float:
         """Now, for waiting. In lockstep it is how much of the samples' time has passed, wherever their clock jumps."""

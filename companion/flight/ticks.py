@@ -33,7 +33,7 @@ class Ticks:
         self._port, self._pilot, self._pose, self._watch = flight.port, flight.pilot, flight.pose, flight.watch
         self._lockstep = flight.lockstep
         self._flies = flight.config.vehicle.kind == "quadrotor"
-        self._largest_step_s = min(flight.limits.clock_jump_s, _LARGEST_STEP_S)
+        self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], _LARGEST_STEP_S)
         self._resets = 0  # of the estimator, as of the last sample
         self._held, self._sent_ms = _LEVEL, -1  # the last set-point, and the sample it answered
         self._last_s = 0.0  # in lockstep: time stamp of the last sample, of whatever kind
@@ -106,7 +106,8 @@ class Ticks:
         latency_s = self._send(sample, setpoint)
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
         if sample[0] >= watch.due_s:
-            reason = watch.look(sample, setpoint, pilot, flight.ticks, flight.now_s - sample.time_s)
+            flight.delay.heard(sample.time_s, flight.now_s)
+            reason = watch.look(sample, setpoint, pilot, flight.told(), flight.ticks)
             if reason is not None:
                 self._stop_for(reason)
                 return

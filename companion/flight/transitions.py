@@ -48,7 +48,7 @@ class Changes:
         """The estimator has counted a reset: go along with it, or end control where it is too large."""
         flight = self._flight
         jump = estimator.jump(last, sample)
-        length_m, limit_m = estimator.length_m(jump), flight.limits.estimator_jump_m
+        length_m, limit_m = estimator.length_m(jump), flight.limits[Reason.ESTIMATOR_JUMP]
         total_m = self._resets.add(sample.time_s, length_m)
         if length_m > limit_m:
             too_much = f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m"
@@ -158,9 +158,7 @@ class Changes:
         warning = self._warning or flight.preflight.stale
         if warning is not None:
             flight.tell(f"companion: UNCERTIFIED: {warning}")
-        blind = flight.watch.blind()
-        flight.watch.known_blind = set(blind)
-        lines = [*flight.preflight.remarks(), *(f"guard cannot see: {name}" for name in blind.values())]
+        lines = [*flight.preflight.remarks(), *flight.blindness.settle(flight.told())]
         if (flown := flight.pilot.manoeuvre) is not None:
             lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
         for line in lines:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import discretise
 from companion.control.types import PositionSetpoint
 from companion.flight.authority.states import Reason
 from companion.flight.pilot.mission import Mission
@@ -147,11 +147,14 @@ def score(config: Config, samples: npt.NDArray[np.float64]) -> Scores:
         length = float(np.hypot(*way))
         if length > 0.0:
             along, last = (way[0] / length, way[1] / length), command
-        over = transition(axis.natural_frequency_rad_s, axis.damping_ratio, time_s - last_s)
+        phi11, phi12, phi21, phi22, gamma1, gamma2 = discretise(
+            axis.natural_frequency_rad_s, axis.damping_ratio, time_s - last_s
+        )
         last_s = time_s
+        pull = axis.natural_frequency_rad_s**2
         ideal = [
-            propagate(over, *state, axis.natural_frequency_rad_s**2 * wanted)
-            for state, wanted in zip(ideal, (command.x_m, command.y_m), strict=True)
+            (phi11 * at + phi12 * speed + gamma1 * pull * wanted, phi21 * at + phi22 * speed + gamma2 * pull * wanted)
+            for (at, speed), wanted in zip(ideal, (command.x_m, command.y_m), strict=True)
         ]
         rows.append([place - ideal[n % 2][0] for n, place in enumerate(places)] + list(along))
     truth_x, truth_y, said_x, said_y, along_x, along_y = np.array(rows).T

@@ -3,9 +3,9 @@
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.config.guards.declaration import Group
 from companion.flight.authority.states import (
     BY_STICKS,
-    MEANING,
     ORDINARY,
     TAKEN,
     Known,
@@ -102,7 +102,7 @@ def test_kill_and_termination_show_in_the_system_status_or_the_mode() -> None:
 
 
 def test_every_reason_has_a_meaning_and_its_place() -> None:
-    assert set(MEANING) == set(Reason)
-    assert all(meaning and "\n" not in meaning for meaning in MEANING.values())
+    assert all(reason.meaning and "\n" not in reason.meaning for reason in Reason)
+    assert {reason.group for reason in Reason} == set(Group)
     assert {Reason.MODE_CHANGED, Reason.DISARMED, Reason.KILLED} == TAKEN
     assert {Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED} == ORDINARY

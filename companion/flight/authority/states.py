@@ -7,10 +7,10 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.authority.reasons import MEANING, Reason
+from companion.config.guards.rows import Reason
 from companion.mavlink.px4 import Mode
 
-__all__ = ["BY_STICKS", "MEANING", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
+__all__ = ["BY_STICKS", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
 
 
 class State(IntEnum):

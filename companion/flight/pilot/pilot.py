@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, estimate_correction, mrac, position
 from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.authority.reasons import Reason
 from companion.flight.pilot.controller_params import correction_params, hover_params, initial_weights, position_params
 from companion.flight.pilot.doublets import Manoeuvre
 from companion.flight.pilot.mission import Mission

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 from companion.config.schema import Config
-from companion.flight.guards.estimator import ESTIMATOR_STATUS
 from companion.flight.readiness.parameters import ParameterReader, name_of, stale
+from companion.flight.vehicle_link.estimator_status import ESTIMATOR_STATUS
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.flight.vehicle_link.port import CURRENT_MODE
 from companion.mavlink import px4
