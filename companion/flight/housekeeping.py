@@ -38,7 +38,7 @@ class Housekeeping:
     ) -> None:
         self._flight = flight
         self._notifier = notifier
-        self._ground_station = GroundStation(one_axis=flight.config.vehicle.kind == "rig")
+        self._ground_station = GroundStation(one_axis=flight.config.vehicle_kind.one_axis)
         self._engagement = engagement
         self._met = False
         self._on_status = on_status

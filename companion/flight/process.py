@@ -72,7 +72,7 @@ class FlightProcess:
         self._notifier = notifier
         self._guests = None if door is None else ToolAccess(flight, door)
         self._changes = Changes(flight, warning)
-        steps = plan(*flight.ids, can_fly=config.vehicle.kind == "quadrotor")
+        steps = plan(*flight.ids, can_fly=config.vehicle_kind.can_fly)
         self._keeping = Housekeeping(flight, Engagement(steps) if engage else None, notifier, on_status)
         self._live = LiveCommands(flight)
         self._ticks = Ticks(flight, self._changes, self._keeping)

@@ -32,7 +32,7 @@ class Ticks:
         self._flight, self._changes, self._keeping = flight, changes, keeping
         self._port, self._pilot, self._pose, self._watch = flight.port, flight.pilot, flight.pose, flight.watch
         self._lockstep = flight.lockstep
-        self._flies = flight.config.vehicle.kind == "quadrotor"
+        self._flies = flight.config.vehicle_kind.can_fly
         self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], _LARGEST_STEP_S)
         self._resets = 0  # of the estimator, as of the last sample
         self._held, self._sent_ms = _LEVEL, -1  # the last set-point, and the sample it answered

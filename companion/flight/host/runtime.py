@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import gc
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -73,7 +74,13 @@ def quiet_memory() -> Iterator[None]:
 
 @contextmanager
 def stop_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP ask for a release instead of ending the process."""
+    """SIGINT, SIGTERM and SIGHUP ask for a release instead of ending the process.
+
+    Signals are the main thread's: a flight in another one is stopped by whoever runs it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = [signal.signal(number, lambda *_: stop()) for number in numbers]
     try:

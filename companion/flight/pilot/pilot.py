@@ -37,7 +37,7 @@ class Pilot:
         self.manoeuvre: Manoeuvre | None = None
         if flown is not None:
             amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
-            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
+            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle_kind.one_axis)
         self._correction_params = correction_params(config)
         self._correction: estimate_correction.CorrectionState | None = None  # while in control
         self._control: position.PositionState | None = None
