@@ -62,7 +62,7 @@ class NavigationError(NamedTuple):
 PRESETS: Final = {
     "gps": NavigationError(
         AxisError(1.236, 0.537, 0.0, 0.070, 0.6, 0.030, 0.112, 1.71),
-        AxisError(1.243, 0.470, 0.0, 0.064, 0.6, 0.045, 0.134, 1.95),
+        AxisError(1.243, 0.470, 0.0, 0.064, 0.6, 0.060, 0.130, 1.95),
         AxisError(1.248, 1.456, 0.0, 0.000, 0.6, 0.0540, 0.105, 0.77),
     ),
     "rtk": NavigationError(*(AxisError(1.25, 0.51, 0.0, 0.0035, 0.6, 0.002, 0.042, 1.8),) * 3),
