@@ -24,6 +24,7 @@ from sitl.wire.impairments import Channel, Impairments
 from sitl.wire.wire import Channels
 from sitl.world.environment import Environment, Turbulence, Wind
 from sitl.world.estimator import Estimator, Lag, Noise
+from sitl.world.navigation_error import PRESETS
 from sitl.world.wind import Gust
 
 _NO_RESPONSE = LinearResponse(FirstOrder, (1.0,))
@@ -173,6 +174,7 @@ def build_world(config: Config, *, complete: bool = False) -> World:
             random("estimator"),
             Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
             Lag(sensors.delay_s, sensors.jitter_s),
+            None if sensors.preset is None else PRESETS[sensors.preset],
         )
         autopilot.estimate = estimator
     if complete or plant.link is not None:

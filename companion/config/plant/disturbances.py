@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -56,11 +56,14 @@ class WindSection(Section):
 
 
 class SensorsSection(Section):
-    """How the estimate differs from the truth: first-order Markov noise on each axis, and its age.
+    """How the estimate differs from the truth: the errors of an estimator, plain noise on top of them, and its age.
 
     Left out, autopilot and companion see the truth.
     """
 
+    preset: Literal["gps", "rtk", "optical_flow", "motion_capture"] | None = None
+    """What aids the estimator. Position and velocity errors then have the sizes, the correlation and the times that
+    PX4's EKF2 has with it; `docs/estimator.md` says where they are from."""
     position_m: NonNegative = 0.0
     """Standard deviation of the position."""
     velocity_m_s: NonNegative = 0.0
