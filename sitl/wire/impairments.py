@@ -77,6 +77,15 @@ class Channel:
         how = self._impairments
         return not (self._queue or how.delay_s or how.jitter_s or how.reordering)
 
+    @property
+    def transparent(self) -> bool:
+        """Whether nothing is on its way, and what is sent arrives at once as it is."""
+        return self._harmless and not (self._queue or self.muted or self.keep_one_in)
+
+    def pass_through(self, now_us: int) -> None:
+        """Frames are sent past the queue, while it is transparent: what follows must not overtake them."""
+        self._last_us = max(now_us, self._last_us)
+
     def put(self, frame: bytes, now_us: int) -> None:
         """One frame is sent."""
         if self._harmless and not (self.muted or self.keep_one_in):

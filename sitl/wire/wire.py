@@ -92,6 +92,18 @@ class Wire:
         for frame in frames:
             self.channels.down.put(frame, now_us)
 
+    def send_due(self, frames: list[bytes], now_us: int) -> None:
+        """Frames of the streams on their way over an impaired wire, and what arrives on it meanwhile."""
+        channels = self.channels
+        assert channels is not None
+        if frames and channels.down.transparent and not self.standing:
+            channels.down.pass_through(now_us)
+            for frame in frames:
+                self._arrive(frame)
+        elif frames:
+            self.send(frames, now_us)
+        self.arrive(now_us)
+
     def handle(self, data: bytes, now_us: int) -> None:
         """Take received bytes; execute and answer them, now or when they have come through."""
         if not self.streams.started:
@@ -104,10 +116,15 @@ class Wire:
                     self._forward(frame, now_us)
             self.answered_ms = services.setpoint_ms
         else:
+            up = self.channels.up
             for frame in self.parser.feed(data):
                 if frame.message_id == _SETPOINT_ID:
                     (self.answered_ms,) = _MS.unpack_from(frame.payload.ljust(4, b"\0"))
-                self.channels.up.put(frame.raw, now_us)
+                    if up.transparent and not self.neighbours:
+                        up.pass_through(now_us)
+                        services.handle(frame)  # there is nothing to answer
+                        continue
+                up.put(frame.raw, now_us)
         self.flush(now_us)
 
     def _forward(self, frame: Frame, now_us: int) -> None:
@@ -146,9 +163,12 @@ class Wire:
                 self.push()
                 self._put([frame])
                 continue
-            self._arrived.append(frame)
-            if frame[7:HEADER_BYTES] == _ODOMETRY:
-                self._note(frame)
+            self._arrive(frame)
+
+    def _arrive(self, frame: bytes) -> None:
+        self._arrived.append(frame)
+        if frame[7:HEADER_BYTES] == _ODOMETRY:
+            self._note(frame)
 
     def push(self) -> None:
         """Send what has arrived on the companion's side of an impaired wire."""
