@@ -62,11 +62,11 @@ def _large_pages() -> None:
 def quiet_memory() -> Iterator[None]:
     """No garbage collection in flight: the tick leaves no cycles behind. And few pages.
 
-    A program that has frozen its memory itself, because it flies many flights, keeps it so.
+    A program that has frozen its memory itself, because it flies one flight after another, keeps it so.
     """
     frozen = gc.get_freeze_count() > 0
-    gc.collect()
     if not frozen:
+        gc.collect()
         gc.freeze()
         _large_pages()
     gc.disable()
