@@ -28,7 +28,7 @@ from harness.virtual_time import VirtualTime, virtual_time
 ROOT: Final = Path(__file__).resolve().parents[2]
 RIG: Final = ROOT / "config" / "antx_rig.yaml"
 SLOW: Final = ("tick.rate_hz=100", "tick.floor_hz=60", "mission.duration_s=60", "guards.heartbeat_age_s.limit=1.0")
-_RECEIVE_S: Final = 0.02  # how long `open_link` lets a receipt wait
+RECEIVE_S: Final = 0.02  # how long `open_link` lets a receipt wait
 _PATIENCE_S: Final = 60.0  # of virtual time, for what a test waits for; and of real time, for a process that hangs
 
 
@@ -49,7 +49,7 @@ class VirtualLink:
         self._before_wait()
         if self.closed:
             raise LinkError("the test is over")
-        clock, until_s = self._clock, self._clock.now_s + _RECEIVE_S
+        clock, until_s = self._clock, self._clock.now_s + RECEIVE_S
         while not self._incoming and self._due_s <= until_s:
             clock.now_s = max(clock.now_s, self._due_s)
             self._due_s += ScriptedAutopilot.PERIOD_S
@@ -194,7 +194,7 @@ class VirtualFlight:
 @contextmanager
 def flown(tmp_path: Path, *settings: str, engage: bool = False) -> Iterator[VirtualFlight]:
     """A flight that has begun, in virtual time; it is ended at the end of the `with`. `settings` are overrides."""
-    with virtual_time() as clock:
+    with virtual_time(VirtualTime()) as clock:
         flight = VirtualFlight(tmp_path, settings, clock, engage=engage)
         try:
             yield flight

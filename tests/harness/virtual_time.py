@@ -36,9 +36,8 @@ class VirtualTime:
 
 
 @contextmanager
-def virtual_time() -> Iterator[VirtualTime]:
+def virtual_time(virtual: VirtualTime) -> Iterator[VirtualTime]:
     """For the modules of the flight process, and for no other: the log is written in real time."""
-    virtual = VirtualTime()
     modules = [
         module
         for name, module in sys.modules.items()
