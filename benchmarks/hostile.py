@@ -32,6 +32,8 @@ from autopilot import BY_TIME, Autopilot, Timing
 from processes import Candidate, free_port, wait
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.config.guards.declaration import Group
+from companion.config.guards.rows import GUARDS, Reason
 from companion.mavlink.codec import FrameParser, Layout
 from companion.mavlink.px4 import Mode
 from companion.mavlink.signing import Signing
@@ -52,8 +54,8 @@ _SETTINGS = (
 )  # fmt: skip
 # The driver's vehicle obeys nobody, and on a busy machine it is late itself: neither is what is measured here.
 _GUARDS_OFF = (
-    "envelope", "tracking_error_m", "weights_on_bound", "attitude_response_deg", "tilt_error_deg", "thrust_saturation",
-    "hover_thrust", "velocity_consistency_m", "link_jitter_s", "link_delay_s", "pose_rate_hz", "tick_overrun_s",
+    *(guard.key for reason, guard in GUARDS.items() if reason.group is Group.FLIGHT and reason is not Reason.FENCE),
+    "velocity_consistency_m", "link_jitter_s", "link_delay_s", "pose_rate_hz", "tick_overrun_s",
 )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import DELAY, Kind, Parameter, ParametricKind, State, Step
 from companion.attitude_response.realisation import ONE, ZERO, StateSpace
 from companion.attitude_response.transfer_function import TransferFunction
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import transition
 
 _NEARLY_EQUAL: Final = 1e-6  # of damping² from one: the two poles are then told apart by hand
 
@@ -42,8 +42,8 @@ class FirstOrder(ParametricKind):
         left = math.exp(-bandwidth * dt_s)
 
         def advance(state: State, wanted: float) -> State:
-            output = state[0]
-            return wanted + (output - wanted) * left, bandwidth * (wanted - output)
+            output = wanted + (state[0] - wanted) * left
+            return output, bandwidth * (wanted - output)  # the rate at the end of the step
 
         return advance
 
@@ -76,10 +76,13 @@ class SecondOrder(ParametricKind):
     @staticmethod
     def step(values: Sequence[float], dt_s: float) -> Step:
         wn, zeta = values
-        over, stiffness = transition(wn, zeta, dt_s), wn * wn
+        phi11, phi12, phi21, phi22, gamma1, gamma2 = transition(wn, zeta, dt_s)
+        stiffness = wn * wn
 
         def advance(state: State, wanted: float) -> State:
-            return propagate(over, state[0], state[1], stiffness * wanted)
+            output, rate = state
+            drive = stiffness * wanted
+            return phi11 * output + phi12 * rate + gamma1 * drive, phi21 * output + phi22 * rate + gamma2 * drive
 
         return advance
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+from companion.config.attitude import AttitudeSection, certified_delay_s
 from companion.config.controller import ControllerSection
-from companion.config.guards import FenceSection, Guards
+from companion.config.guards.fence import FenceSection
+from companion.config.guards.rows import Guards
 from companion.config.link import TickSection
 from companion.config.mission import MissionSection
 from companion.config.service import SteeringSection
@@ -26,6 +28,15 @@ def check_guards(guards: Guards, controller: ControllerSection, tick: TickSectio
         )
     if guards.thrust_saturation.enabled and guards.thrust_saturation.limit >= 1.0:
         raise ValueError("guards.thrust_saturation.limit: a share of the ticks, so it must be below 1")
+
+
+def check_delay(guards: Guards, attitude: AttitudeSection) -> None:
+    """Refuse a link slower than what is certified. Raises `ValueError`."""
+    certified_s, limit_s = certified_delay_s(attitude), guards.link_delay_s.limit
+    if guards.link_delay_s.enabled and limit_s is not None and 0.0 < certified_s < limit_s:
+        raise ValueError(
+            f"guards.link_delay_s.limit ({limit_s:g}) is above the certified attitude.*.delay_s ({certified_s:g})"
+        )
 
 
 def check_fence(fence: FenceSection, mission: MissionSection) -> None:

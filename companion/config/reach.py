@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 
 from companion.config.controller import AxisSection, ControllerSection
-from companion.config.guards import FenceSection
+from companion.config.guards.fence import FenceSection
 from companion.config.identification import SMALLEST_DEG, USUAL_DEG, IdentificationSection
 from companion.config.mission import MissionSection
 

@@ -1,8 +1,10 @@
-"""The `service` and `steering` sections: what is asked of the operating system, and who may move the set-point live."""
+"""The `service`, `steering` and `release` sections: the operating system, live set-points, and the end of control."""
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
 
 from companion.config.base import Id, Priority, Section
 
@@ -29,3 +31,11 @@ class SteeringSection(Section):
         if self.enabled and not self.system_ids:
             raise ValueError("give system_ids: the MAVLink systems that may steer")
         return self
+
+
+class ReleaseSection(Section):
+    """The mode that is asked of the vehicle when control ends for a fault, by the operator, or because it is over."""
+
+    mode: Annotated[Literal["hold", "land", "return", "position"], Field(description="asked for when control ends")] = (
+        "hold"
+    )

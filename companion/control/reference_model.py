@@ -54,13 +54,3 @@ def discretise(
     phi12 = decay * s
     phi22 = decay * (c - s * sigma)
     return phi11, phi12, -stiffness * phi12, phi22, (1.0 - phi11) / stiffness, phi12
-
-
-def propagate(
-    over: Transition, position_m: float, velocity_m_s: float, acceleration_m_s2: float
-) -> tuple[float, float]:
-    """Position and velocity one tick later, with the acceleration input held."""
-    return (
-        over.phi11 * position_m + over.phi12 * velocity_m_s + over.gamma1 * acceleration_m_s2,
-        over.phi21 * position_m + over.phi22 * velocity_m_s + over.gamma2 * acceleration_m_s2,
-    )

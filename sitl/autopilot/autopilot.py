@@ -85,7 +85,6 @@ class Autopilot:
     def advance(self, to_time_us: int) -> None:
         """Run up to a simulated time, as far as whole physics steps go."""
         step = self.vehicle.step
-        dt_s = 1e-6 * PHYSICS_DT_US
         now = self.time_us
         last = to_time_us - PHYSICS_DT_US
         while now <= last:
@@ -98,7 +97,7 @@ class Autopilot:
                 q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
             while now <= until:
-                step(q_wxyz, thrust, dt_s)
+                step(q_wxyz, thrust)
                 now += PHYSICS_DT_US
         self.time_us = now
 

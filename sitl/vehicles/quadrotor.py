@@ -6,13 +6,14 @@ velocity against the air.
 
 from __future__ import annotations
 
-import math
+from math import atan2, cos, sin, sqrt
 from typing import Final, NamedTuple
 
+from companion.attitude_response import discrete
 from companion.attitude_response.kind import LinearResponse, State
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, rate_step, respond, wanted_rates
-from sitl.vehicles.rotation import euler, quaternion
+from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
 
 class QuadrotorParams(NamedTuple):
@@ -68,67 +69,93 @@ class Effects(NamedTuple):
 CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _rotate_linear(
-    params: QuadrotorParams, state: QuadrotorState, wanted: tuple[float, float, float, float], dt_s: float
-) -> tuple[float, float, float, float, float, float, float, tuple[State, State, State]]:
-    """Each Euler angle follows its own response; the body rates are the angle rates, as in (9)."""
-    roll, pitch, yaw = euler(state.qw, state.qx, state.qy, state.qz)
-    roll_wanted, pitch_wanted, yaw_wanted = euler(wanted[0], wanted[1], wanted[2], wanted[3])
-    turn = yaw_wanted - yaw
-    yaw_wanted = yaw + math.atan2(math.sin(turn), math.cos(turn))  # the short way round
-    of_roll, of_pitch, of_yaw = state.further
-    roll, p, of_roll = respond(params.roll, roll, state.p_rad_s, of_roll, roll_wanted, dt_s)
-    pitch, q, of_pitch = respond(params.pitch, pitch, state.q_rad_s, of_pitch, pitch_wanted, dt_s)
-    yaw, r, of_yaw = respond(params.yaw, yaw, state.r_rad_s, of_yaw, yaw_wanted, dt_s)
-    qw, qx, qy, qz = quaternion(roll, pitch, yaw)
-    return qw, qx, qy, qz, p, q, r, (of_roll, of_pitch, of_yaw)
+_Turned = tuple[
+    float, float, float, float, float, float, float, RateState, RateState, RateState, tuple[State, State, State]
+]
+"""What turns, a step later: the fields of a state from `qw` on."""
 
 
-def step(
-    params: QuadrotorParams,
-    state: QuadrotorState,
-    wanted: tuple[float, float, float, float],
-    thrust_n: float,
-    dt_s: float,
-    effects: Effects = CALM,
-) -> QuadrotorState:
-    """The quadrotor `dt_s` later, under an attitude set-point (scalar first) and a collective thrust, both held."""
-    wind_north, wind_east, wind_down, roll_bias, pitch_bias = effects
-    if roll_bias or pitch_bias:
-        roll, pitch, yaw = euler(*wanted)
-        wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
-    roll_loop, pitch_loop, yaw_loop, further = state.roll_loop, state.pitch_loop, state.yaw_loop, state.further
-    if params.cascade:
-        actual = (state.qw, state.qx, state.qy, state.qz)
-        p_wanted, q_wanted, r_wanted = wanted_rates(params.angle_gains, wanted, actual)
-        roll_loop, p_dot = rate_step(params.roll_rate, roll_loop, p_wanted, state.p_rad_s, dt_s)
-        pitch_loop, q_dot = rate_step(params.pitch_rate, pitch_loop, q_wanted, state.q_rad_s, dt_s)
-        yaw_loop, r_dot = rate_step(params.yaw_rate, yaw_loop, r_wanted, state.r_rad_s, dt_s)
+class Dynamics:
+    """The quadrotor, stepped by `dt_s`: what is the same in every step is worked out once. No flight leaves a trace."""
+
+    def __init__(self, params: QuadrotorParams, dt_s: float) -> None:
+        self._params, self._dt_s = params, dt_s
+        self._drag_1_m = params.drag_n_s2_m2 / params.mass_kg
+        axes = (params.roll, params.pitch, params.yaw)
+        self._plain = not any(axis.kind.further for axis in axes)
+        self._roll, self._pitch, self._yaw = (discrete.step(axis, dt_s) for axis in axes)
+        self._wanted: Quaternion | None = None  # a set-point stands for many steps: the last one,
+        self._wanted_angles = (0.0, 0.0, 0.0)  # and its angles
+
+    def __reduce__(self) -> tuple[type[Dynamics], tuple[QuadrotorParams, float]]:
+        return Dynamics, (self._params, self._dt_s)
+
+    def step(
+        self, state: QuadrotorState, wanted: Quaternion, thrust_n: float, effects: Effects = CALM
+    ) -> QuadrotorState:
+        """The state `dt_s` later, under an attitude set-point and a collective thrust, both held."""
+        params, dt_s = self._params, self._dt_s
+        wind_north, wind_east, wind_down, roll_bias, pitch_bias = effects
+        if roll_bias or pitch_bias:
+            roll, pitch, yaw = euler(*wanted)
+            wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
+        turned = self._cascade(state, wanted) if params.cascade else self._respond(state, wanted)
+        qw, qx, qy, qz, *_ = turned
+
+        x, y, z, old_vx, old_vy, old_vz = state[:6]
+        lift = thrust_n / params.mass_kg
+        air_x, air_y, air_z = old_vx - wind_north, old_vy - wind_east, old_vz - wind_down
+        drag = self._drag_1_m * sqrt(air_x * air_x + air_y * air_y + air_z * air_z)
+        vx = old_vx - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * air_x)
+        vy = old_vy - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * air_y)
+        vz = old_vz + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * air_z)
+        return QuadrotorState._make((  # four times as fast as by its fields
+            x + dt_s * 0.5 * (old_vx + vx),
+            y + dt_s * 0.5 * (old_vy + vy),
+            z + dt_s * 0.5 * (old_vz + vz),
+            vx, vy, vz, *turned,
+        ))  # fmt: skip
+
+    def _respond(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
+        """Each Euler angle follows its own response; the body rates are the angle rates, as in (9)."""
+        if wanted is not self._wanted:
+            self._wanted, self._wanted_angles = wanted, euler(*wanted)
+        roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
+        qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state[6:]
+        roll, pitch, yaw = euler(qw, qx, qy, qz)
+        turn = yaw_wanted - yaw
+        yaw_wanted = yaw + atan2(sin(turn), cos(turn))  # the short way round
+        if self._plain:
+            roll, p = self._roll((roll, p), roll_wanted)
+            pitch, q = self._pitch((pitch, q), pitch_wanted)
+            yaw, r = self._yaw((yaw, r), yaw_wanted)
+        else:
+            params, dt_s = self._params, self._dt_s
+            of_roll, of_pitch, of_yaw = further
+            roll, p, of_roll = respond(params.roll, roll, p, of_roll, roll_wanted, dt_s)
+            pitch, q, of_pitch = respond(params.pitch, pitch, q, of_pitch, pitch_wanted, dt_s)
+            yaw, r, of_yaw = respond(params.yaw, yaw, r, of_yaw, yaw_wanted, dt_s)
+            further = (of_roll, of_pitch, of_yaw)
+        return *quaternion(roll, pitch, yaw), p, q, r, roll_loop, pitch_loop, yaw_loop, further
+
+    def _cascade(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
+        """The cascade (7) on the rotational dynamics (1)."""
+        params, dt_s = self._params, self._dt_s
+        w, x, y, z, old_p, old_q, old_r, roll_loop, pitch_loop, yaw_loop, further = state[6:]
+        p_wanted, q_wanted, r_wanted = wanted_rates(params.angle_gains, wanted, (w, x, y, z))
+        roll_loop, p_dot = rate_step(params.roll_rate, roll_loop, p_wanted, old_p, dt_s)
+        pitch_loop, q_dot = rate_step(params.pitch_rate, pitch_loop, q_wanted, old_q, dt_s)
+        yaw_loop, r_dot = rate_step(params.yaw_rate, yaw_loop, r_wanted, old_r, dt_s)
         jx, jy, jz = params.inertia_x_kg_m2, params.inertia_y_kg_m2, params.inertia_z_kg_m2
-        p = state.p_rad_s + dt_s * (p_dot - (jz - jy) / jx * state.q_rad_s * state.r_rad_s)
-        q = state.q_rad_s + dt_s * (q_dot - (jx - jz) / jy * state.r_rad_s * state.p_rad_s)
-        r = state.r_rad_s + dt_s * (r_dot - (jy - jx) / jz * state.p_rad_s * state.q_rad_s)
-        angle = math.sqrt(p * p + q * q + r * r) * dt_s
+        p = old_p + dt_s * (p_dot - (jz - jy) / jx * old_q * old_r)
+        q = old_q + dt_s * (q_dot - (jx - jz) / jy * old_r * old_p)
+        r = old_r + dt_s * (r_dot - (jy - jx) / jz * old_p * old_q)
+        angle = sqrt(p * p + q * q + r * r) * dt_s
         s = (0.5 - angle * angle / 48.0) * dt_s  # sin(angle/2)/|ω|, to fourth order in a small angle
         cw, cx, cy, cz = 1.0 - angle * angle / 8.0, s * p, s * q, s * r
-        qw = state.qw * cw - state.qx * cx - state.qy * cy - state.qz * cz
-        qx = state.qw * cx + state.qx * cw + state.qy * cz - state.qz * cy
-        qy = state.qw * cy - state.qx * cz + state.qy * cw + state.qz * cx
-        qz = state.qw * cz + state.qx * cy - state.qy * cx + state.qz * cw
-        norm = math.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
-        qw, qx, qy, qz = qw / norm, qx / norm, qy / norm, qz / norm
-    else:
-        qw, qx, qy, qz, p, q, r, further = _rotate_linear(params, state, wanted, dt_s)
-
-    lift = thrust_n / params.mass_kg
-    air_x, air_y, air_z = state.vx_m_s - wind_north, state.vy_m_s - wind_east, state.vz_m_s - wind_down
-    drag = params.drag_n_s2_m2 / params.mass_kg * math.sqrt(air_x * air_x + air_y * air_y + air_z * air_z)
-    vx = state.vx_m_s - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * air_x)
-    vy = state.vy_m_s - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * air_y)
-    vz = state.vz_m_s + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * air_z)
-    return QuadrotorState(
-        state.x_m + dt_s * 0.5 * (state.vx_m_s + vx),
-        state.y_m + dt_s * 0.5 * (state.vy_m_s + vy),
-        state.z_m + dt_s * 0.5 * (state.vz_m_s + vz),
-        vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
-    )  # fmt: skip
+        qw = w * cw - x * cx - y * cy - z * cz
+        qx = w * cx + x * cw + y * cz - z * cy
+        qy = w * cy - x * cz + y * cw + z * cx
+        qz = w * cz + x * cy - y * cx + z * cw
+        norm = sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
+        return qw / norm, qx / norm, qy / norm, qz / norm, p, q, r, roll_loop, pitch_loop, yaw_loop, further

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import math
+from math import asin, atan2, cos, sin
 
 Quaternion = tuple[float, float, float, float]
 
 
 def euler(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
     """Roll, pitch, yaw (Z-Y-X) of a unit quaternion."""
-    sine = min(max(2.0 * (qw * qy - qz * qx), -1.0), 1.0)
+    sine = 2.0 * (qw * qy - qz * qx)
+    sine = 1.0 if sine > 1.0 else -1.0 if sine < -1.0 else sine
     return (
-        math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
-        math.asin(sine),
-        math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
+        atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
+        asin(sine),
+        atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
     )
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
     """Unit quaternion of roll, pitch, yaw (Z-Y-X)."""
-    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
-    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
+    cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
     return (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
@@ -32,6 +33,6 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 
 def turned(q_wxyz: Quaternion, yaw_rad: float) -> Quaternion:
     """An attitude turned about the vertical."""
-    c, s = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    c, s = cos(0.5 * yaw_rad), sin(0.5 * yaw_rad)
     w, x, y, z = q_wxyz
     return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles import quadrotor, rig
@@ -12,6 +12,9 @@ from sitl.vehicles.attitude_loop import RateState
 from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
 Vector = tuple[float, float, float]
+
+
+_GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
 
 
 class VehicleState(NamedTuple):
@@ -36,8 +39,8 @@ class Vehicle(Protocol):
     def state(self) -> VehicleState:
         """Truth now."""
 
-    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
-        """Advance by `dt_s` under an attitude set-point and a normalised thrust."""
+    def step(self, q_wxyz: Quaternion, thrust: float) -> None:
+        """Advance by one step of the physics under an attitude set-point and a normalised thrust."""
 
     def on_ground(self) -> bool:
         """Whether the landing gear carries the weight."""
@@ -85,7 +88,7 @@ class Rig:
         self.thrust_share = 1.0
         self.effects = quadrotor.CALM
         self.push_m_s2 = 0.0
-        self._params = params
+        self._params, self._dt_s = params, dt_s
         self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
         self._delay = _Delay(delay_s, dt_s)
         self._thrust_ratio = 0.0
@@ -102,7 +105,7 @@ class Rig:
             (0.0, 0.0, -GRAVITY_M_S2 * self._thrust_ratio),
         )
 
-    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+    def step(self, q_wxyz: Quaternion, thrust: float) -> None:
         """Only the pitch of the set-point reaches the rig. Without thrust nothing turns it: it stays as it is."""
         (w, x, y, z), thrust = self._delay.through(q_wxyz, thrust)
         self._thrust_ratio = self.thrust_share * thrust / self.hover_thrust
@@ -110,7 +113,7 @@ class Rig:
             self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0, further=())
             return
         pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
-        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, dt_s, self.push_m_s2)
+        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, self._dt_s, self.push_m_s2)
 
     def on_ground(self) -> bool:
         return False
@@ -138,6 +141,8 @@ class Quadrotor:
         self.thrust_share = 1.0
         self.effects = quadrotor.CALM
         self._params = params
+        self._dynamics = quadrotor.Dynamics(params, dt_s)
+        self._weight_n = params.mass_kg * GRAVITY_M_S2
         self._full_thrust_n = thrust_factor * params.mass_kg * GRAVITY_M_S2 / hover_thrust
         self._thrust_n = 0.0
         rest = RateState(0.0, 0.0)
@@ -158,20 +163,20 @@ class Quadrotor:
             (0.0, 0.0, -self._thrust_n / self._params.mass_kg),
         )
 
-    def step(self, q_wxyz: Quaternion, thrust: float, dt_s: float) -> None:
+    def step(self, q_wxyz: Quaternion, thrust: float) -> None:
         q_wxyz, thrust = self._delay.through(q_wxyz, thrust)
         if self._angle_delays is not None:
             q_wxyz = self._angle_delays.through(q_wxyz)
-        self._thrust_n = thrust * self.thrust_share * self._full_thrust_n
-        if self.on_ground():
-            if self._thrust_n <= self._params.mass_kg * GRAVITY_M_S2:
+        self._thrust_n = thrust_n = thrust * self.thrust_share * self._full_thrust_n
+        if self._state.z_m >= -_GROUNDED_M:
+            if thrust_n <= self._weight_n:
                 self._rest()
                 return
             _, _, yaw = euler(*q_wxyz)
             q_wxyz = quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
-        self._state = quadrotor.step(self._params, self._state, q_wxyz, self._thrust_n, dt_s, self.effects)
-        if self._state.z_m > 0.0:
-            self._state = self._state._replace(z_m=0.0)
+        self._state = state = self._dynamics.step(self._state, q_wxyz, thrust_n, self.effects)
+        if state.z_m > 0.0:
+            self._state = state._replace(z_m=0.0)
             self._rest()
 
     def lift_to(self, z_m: float) -> None:
@@ -189,4 +194,4 @@ class Quadrotor:
         )
 
     def on_ground(self) -> bool:
-        return self._state.z_m >= -1e-4
+        return self._state.z_m >= -_GROUNDED_M

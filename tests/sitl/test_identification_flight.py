@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from running_plant import PATIENT
+from harness.processes import PATIENT
 
 import companion.certify.assess
 from companion.cli import main

@@ -21,6 +21,8 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
+from companion.config.guards.declaration import Group
+from companion.config.guards.rows import GUARDS
 from companion.control.attitude import thrust_direction
 from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Status, Summary
@@ -38,8 +40,7 @@ FULL = ROOT.parent / "shared" / "data"
 CONFIG = ROOT / "config" / "px4_quadrotor.yaml"
 ODOMETRY, HEARTBEAT, CURRENT_MODE = Layout("ODOMETRY"), Layout("HEARTBEAT"), Layout("CURRENT_MODE")
 SETPOINT = Layout("SET_ATTITUDE_TARGET")
-HOW_IT_FLIES = ("tracking_error_m", "tilt_error_deg", "attitude_response_deg", "weights_on_bound", "thrust_saturation",
-                "envelope", "hover_thrust")  # fmt: skip
+HOW_IT_FLIES = [guard.key for reason, guard in GUARDS.items() if reason.group is Group.FLIGHT]
 SETTINGS = (
     "tick.rate_hz=25",
     "tick.floor_hz=20",

@@ -23,10 +23,10 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 def moves_after(vehicle: Vehicle, wanted: tuple[float, float, float], steps: int = 120) -> list[int | None]:
     """The millisecond in which roll, pitch and yaw first move after the set-point has changed from level."""
     for _ in range(100):
-        vehicle.step(LEVEL, 0.5, 1e-3)
+        vehicle.step(LEVEL, 0.5)
     found: list[int | None] = [None, None, None]
     for k in range(steps):
-        vehicle.step(quaternion(*wanted), 0.5, 1e-3)
+        vehicle.step(quaternion(*wanted), 0.5)
         for i, angle in enumerate(euler(*vehicle.state.q_wxyz)):
             if found[i] is None and abs(angle) > 1e-6:
                 found[i] = k
@@ -55,10 +55,10 @@ def test_each_angle_is_late_by_its_own_on_top_of_the_common_delay(axis: int, com
 def test_all_at_once_come_one_after_the_other() -> None:
     vehicle = lifted(0.0, (0.06, 0.04, 0.02))
     for _ in range(100):
-        vehicle.step(LEVEL, 0.5, 1e-3)
+        vehicle.step(LEVEL, 0.5)
     seen = []
     for _ in range(300):
-        vehicle.step(quaternion(0.1, 0.2, 0.3), 0.5, 1e-3)
+        vehicle.step(quaternion(0.1, 0.2, 0.3), 0.5)
         seen.append(euler(*vehicle.state.q_wxyz))
     half = [next(k for k, angles in enumerate(seen) if angles[i] > 0.5 * at) for i, at in enumerate((0.1, 0.2, 0.3))]
     assert half[0] - half[1] == pytest.approx(20, abs=2)

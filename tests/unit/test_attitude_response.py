@@ -14,7 +14,7 @@ from companion.attitude_response.kind import Kind, LinearResponse, ParametricKin
 from companion.attitude_response.kinds import KINDS, MODELS
 from companion.attitude_response.simulation import respond
 from companion.config.attitude import ResponseSection
-from companion.config.plant import Angle
+from companion.config.vehicles import Angle
 
 PARAMETRIC = [kind for kind in KINDS if issubclass(kind, ParametricKind)]
 of_each_kind = pytest.mark.parametrize("kind", PARAMETRIC, ids=lambda kind: kind.name)
@@ -74,13 +74,16 @@ def test_the_step_is_that_of_the_realisation(kind: type[ParametricKind], damping
 
 @of_each_kind
 def test_its_second_state_is_the_rate(kind: type[ParametricKind]) -> None:
-    """Of the first order at the beginning of the step, of the others at its end: the rate jumps with the set-point."""
+    """At the end of the step. That of the first order jumps with the set-point."""
     response, dt_s = LinearResponse(kind, values(kind)), 1e-6
     state = at_rest(response, 0.0)
     for _ in range(20):
         state = step(response, 0.005)(state, 0.3)
     after = step(response, dt_s)(state, 0.3)
     assert after[1] == pytest.approx((after[0] - state[0]) / dt_s, rel=1e-3)
+    later = step(response, dt_s)(step(response, 0.1)(state, 0.0), 0.0)
+    before = step(response, 0.1)(state, 0.0)
+    assert before[1] == pytest.approx((later[0] - before[0]) / dt_s, rel=1e-3), "a long step's rate is that at its end"
 
 
 @of_each_kind

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.control.types import Odometry
 from companion.flight.guards import estimator
 from companion.flight.guards.estimator import Consistency, consistency
+from companion.flight.vehicle_link.estimator_health import missing_flags
 
 GOOD = 0b1101111111  # what a PX4 with GPS says in flight
 AT_REST = Odometry(10.0, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -26,7 +27,7 @@ AT_REST = Odometry(10.0, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     ],
 )
 def test_flags_that_a_position_controller_needs(flags: int, missing: int) -> None:
-    assert estimator.missing_flags(flags) == missing
+    assert missing_flags(flags) == missing
 
 
 def test_a_jump_is_what_velocity_does_not_explain() -> None:

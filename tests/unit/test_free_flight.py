@@ -20,7 +20,7 @@ from companion.certify.certificate import certify
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.statement import statement
 from companion.config import Config, load_config
-from companion.config.plant import Angle
+from companion.config.vehicles import Angle
 from companion.control.types import GRAVITY_M_S2, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot
 from sitl.vehicles import quadrotor
@@ -88,6 +88,7 @@ def fly(
         response(vehicle.roll), response(vehicle.pitch), response(vehicle.yaw),
         AngleGains(0.0, 0.0, 0.0), rates, rates, rates,
     )  # fmt: skip
+    dynamics = quadrotor.Dynamics(params, 1e-3)
     level = quaternion(0.0, 0.0, HEADING_RAD)
     state = quadrotor.QuadrotorState(0, 0, -5, 0, 0, 0, *level, 0, 0, 0, rest, rest, rest)
     full_thrust_n = vehicle.mass_kg * GRAVITY_M_S2 / config.vehicle.hover_thrust
@@ -108,7 +109,7 @@ def fly(
             *turned, thrust = on_their_way.popleft()[1]
             attitude = (turned[0], turned[1], turned[2], turned[3])
         effects = quadrotor.Effects(*wind(time_s), 0.0, 0.0)
-        state = quadrotor.step(params, state, attitude, thrust * full_thrust_n, 1e-3, effects)
+        state = dynamics.step(state, attitude, thrust * full_thrust_n, effects)
     table = np.array(rows)
     return Flown(table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7], table[:, 8], pilot)
 

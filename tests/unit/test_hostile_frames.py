@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.flight.authority.reasons import Reason
+from companion.config.guards.rows import Reason
 from companion.flight.process import FlightProcess
 from companion.mavlink.codec import Encoder, FrameParser, Layout, crc_extra, mcrf4xx
 from companion.mavlink.px4 import Mode

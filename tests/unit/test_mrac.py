@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from companion.control import mrac
 from companion.control.projection import adapt
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import transition
 
 G = 9.81
 
@@ -78,7 +78,11 @@ def test_adaptation_22_is_gamma_x_e_pb() -> None:
     state = mrac.start(0.1, 0.05, 0.0, 0.0, 0.0)
     x, dt = (0.11, 0.07), 0.01
     after, out = step(params, state, *x, 0.0, 0.1, dt)
-    ref = propagate(transition(2.3, 0.7, dt), 0.1, 0.05, 2.3**2 * 0.1)
+    over, input_ = transition(2.3, 0.7, dt), 2.3**2 * 0.1
+    ref = (
+        over.phi11 * 0.1 + over.phi12 * 0.05 + over.gamma1 * input_,
+        over.phi21 * 0.1 + over.phi22 * 0.05 + over.gamma2 * input_,
+    )
     e = (x[0] - ref[0], x[1] - ref[1])
     assert (out.error_position_m, out.error_velocity_m_s) == pytest.approx(e)
     epb = G * (params.lyapunov_12 * e[0] + params.lyapunov_22 * e[1])

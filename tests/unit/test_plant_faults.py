@@ -19,7 +19,7 @@ from sitl.scenarios.settled import ALTITUDE_M, SETTLE_S, settled_world
 from sitl.vehicles.rotation import euler, quaternion, turned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "sitl"))
-from running_plant import autopilot, quadrotor
+from harness.running_plant import autopilot, quadrotor
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 ODOMETRY = Layout("ODOMETRY")
@@ -75,7 +75,7 @@ def test_mismatch_moves_the_thrust_that_carries_it(mismatch: str, true_hover: fl
     craft = world(f"plant.mismatch={mismatch}").autopilot.vehicle
     craft.lift_to(-50.0)
     for _ in range(100):
-        craft.step((1.0, 0.0, 0.0, 0.0), craft.hover_thrust * true_hover, 1e-3)
+        craft.step((1.0, 0.0, 0.0, 0.0), craft.hover_thrust * true_hover)
     assert craft.state.velocity_ned_m_s[2] == pytest.approx(0.0, abs=1e-9)
 
 

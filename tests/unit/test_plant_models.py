@@ -77,8 +77,8 @@ def test_rig_27_cascade_follows_like_its_gain() -> None:
 def test_quadrotor_2_hovers_at_its_weight_and_falls_at_g() -> None:
     hover, falling = at_rest(), at_rest()
     for _ in range(1000):
-        hover = quadrotor.step(a_quadrotor(), hover, (1, 0, 0, 0), 0.25 * 9.81, 1e-3)
-        falling = quadrotor.step(a_quadrotor(drag_n_s2_m2=0.0), falling, (1, 0, 0, 0), 0.0, 1e-3)
+        hover = quadrotor.Dynamics(a_quadrotor(), 1e-3).step(hover, (1, 0, 0, 0), 0.25 * 9.81)
+        falling = quadrotor.Dynamics(a_quadrotor(drag_n_s2_m2=0.0), 1e-3).step(falling, (1, 0, 0, 0), 0.0)
     assert hover.z_m == pytest.approx(-1.0, abs=1e-12)
     assert falling.z_m - (-1.0) == pytest.approx(0.5 * 9.81, rel=1e-6)
 
@@ -86,7 +86,7 @@ def test_quadrotor_2_hovers_at_its_weight_and_falls_at_g() -> None:
 def test_quadrotor_2_drag_gives_its_terminal_velocity() -> None:
     state = at_rest()
     for _ in range(20000):
-        state = quadrotor.step(a_quadrotor(), state, (1, 0, 0, 0), 0.0, 1e-3)
+        state = quadrotor.Dynamics(a_quadrotor(), 1e-3).step(state, (1, 0, 0, 0), 0.0)
     assert state.vz_m_s == pytest.approx(math.sqrt(0.25 * 9.81 / 0.1), rel=1e-4)
 
 
@@ -98,7 +98,7 @@ def test_quadrotor_signs_of_15(cascade: bool) -> None:
     for wanted, where in ((south, "x"), (east, "y")):
         state = at_rest()
         for _ in range(500):
-            state = quadrotor.step(a_quadrotor(cascade=cascade), state, wanted, 0.25 * 9.81, 1e-3)
+            state = quadrotor.Dynamics(a_quadrotor(cascade=cascade), 1e-3).step(state, wanted, 0.25 * 9.81)
         assert (state.vx_m_s < -0.05) if where == "x" else (state.vy_m_s > 0.05)
         assert abs(state.vy_m_s if where == "x" else state.vx_m_s) < 1e-6
 
@@ -109,12 +109,12 @@ def test_rotation_1_turns_like_the_exponential_and_keeps_the_momentum() -> None:
     params = a_quadrotor(cascade=True, roll_rate=off, pitch_rate=off, yaw_rate=off)
     state = at_rest(r_rad_s=2.0)
     for _ in range(1000):
-        state = quadrotor.step(params, state, (1, 0, 0, 0), 0.25 * 9.81, 1e-3)
+        state = quadrotor.Dynamics(params, 1e-3).step(state, (1, 0, 0, 0), 0.25 * 9.81)
     assert euler(state.qw, state.qx, state.qy, state.qz)[2] == pytest.approx(2.0, abs=1e-6)
     tumbling = at_rest(p_rad_s=1.0, q_rad_s=2.0, r_rad_s=3.0)
     j = np.array([3e-4, 3e-4, 5e-4])
     for _ in range(1000):
-        tumbling = quadrotor.step(params, tumbling, (1, 0, 0, 0), 0.25 * 9.81, 1e-4)
+        tumbling = quadrotor.Dynamics(params, 1e-4).step(tumbling, (1, 0, 0, 0), 0.25 * 9.81)
     rates = np.array([tumbling.p_rad_s, tumbling.q_rad_s, tumbling.r_rad_s])
     assert np.linalg.norm(j * rates) == pytest.approx(np.linalg.norm(j * [1.0, 2.0, 3.0]), rel=1e-3)
     assert np.linalg.norm([tumbling.qw, tumbling.qx, tumbling.qy, tumbling.qz]) == pytest.approx(1.0)

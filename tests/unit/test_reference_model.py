@@ -8,11 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from companion.control.reference_model import propagate, transition
+from companion.control.reference_model import Transition, transition
 
 frequencies = st.floats(0.1, 20.0)
 dampings = st.one_of(st.floats(0.05, 3.0), st.just(1.0))
 steps = st.floats(1e-4, 0.5)
+
+
+def propagate(over: Transition, position: float, velocity: float, acceleration: float) -> tuple[float, float]:
+    return (
+        over.phi11 * position + over.phi12 * velocity + over.gamma1 * acceleration,
+        over.phi21 * position + over.phi22 * velocity + over.gamma2 * acceleration,
+    )
 
 
 def exact(omega: float, zeta: float, dt: float) -> np.ndarray:

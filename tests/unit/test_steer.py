@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import ConfigError, load_config
-from companion.config.guards import FenceSection
+from companion.config.guards.fence import FenceSection
 from companion.control.types import PositionSetpoint
 from companion.flight.vehicle_link import live_command as steer
 from companion.mavlink.codec import Frame, FrameParser

@@ -85,7 +85,7 @@ def test_the_same_seed_blows_the_same_wind() -> None:
 
 def fly_level(craft: Quadrotor, seconds: float) -> None:
     for _ in range(round(1e3 * seconds)):
-        craft.step((1.0, 0.0, 0.0, 0.0), 0.5, 1e-3)
+        craft.step((1.0, 0.0, 0.0, 0.0), 0.5)
 
 
 def test_a_level_vehicle_is_carried_along_until_it_drifts_with_the_wind() -> None:

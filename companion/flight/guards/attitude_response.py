@@ -94,10 +94,6 @@ class ResponseBand:
         self._past: Past | None = None
         self._time_s = 0.0
 
-    def begin(self) -> None:
-        """Control begins with the next sample."""
-        self._past = None
-
     def advance(
         self, time_s: float, heading_rad: float, measured: tuple[float, float], commanded: tuple[float, float]
     ) -> float:

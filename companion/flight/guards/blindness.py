@@ -1,67 +1,80 @@
 """What a guard looks at may stop coming, and a last value that stays would look healthy for ever.
 
-Each source has an age at which what it told is forgotten. A guard that could see and cannot any more says so once;
-where it is the estimator that no longer answers for itself, control ends.
+Each source has an age at which what it told is forgotten; it stands in the guard's row. A guard that could see and
+cannot any more says so once; where it is the estimator that no longer answers for itself, control ends.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
-from companion.flight.authority.states import Reason, State
-from companion.flight.guards.estimator import ESTIMATOR_STATUS, FLAGS, missing_flags
-from companion.flight.session import Session
-from companion.mavlink.codec import Frame
-
-ESTIMATOR_S: Final = 2.0  # without ESTIMATOR_STATUS, asked for at 5 Hz; or without a variance in the odometry
-TIMESYNC_S: Final = 3.0  # without an answer, asked for at 5 Hz
-
-_CAN_GO_BLIND: Final = (Reason.ESTIMATOR_FLAGS, Reason.POSITION_VARIANCE, Reason.LINK_DELAY)
-_ENDS_CONTROL: Final = {
-    Reason.ESTIMATOR_FLAGS: f"the estimator no longer answers: no ESTIMATOR_STATUS for {ESTIMATOR_S:g} s",
-    Reason.POSITION_VARIANCE: f"the estimator no longer answers: no variance in its odometry for {ESTIMATOR_S:g} s",
-}
+from companion.config.guards.rows import GUARDS, Reason
+from companion.config.schema import Config
+from companion.flight.guards.measures import MEASURES, Told
+from companion.flight.guards.table import Limits
 
 
-class Sight:
-    """Looks after the guards' sources, ten times a second."""
+class GoneBlind(NamedTuple):
+    """A guard that could see and cannot any more; `ends_control`, why control is to end, if it is."""
 
-    def __init__(self, flight: Session) -> None:
-        self._flight = flight
-        self._status_at_s = self._variance_at_s = -math.inf
+    reason: Reason
+    text: str
+    ends_control: str | None
+
+
+class Blindness:
+    """Which guards cannot see.
+
+    `forget`, by guard: make a source forget what it told before a time. Where a source has no memory of its own, the
+    age counts from when the guard could last see.
+    """
+
+    def __init__(self, config: Config, limits: Limits, forget: Mapping[Reason, Callable[[float], None]]) -> None:
+        self._config = config
+        self._forget = forget
+        self._can_be = {
+            reason: (measured.blind, row)
+            for reason, measured in MEASURES.items()
+            if measured.blind is not None and (row := GUARDS[reason].row.blind) and math.isfinite(limits[reason])
+        }
+        self._seen_s = dict.fromkeys(self._can_be, -math.inf)
+        self._known: set[Reason] = set()
         self._told: set[Reason] = set()
 
-    def take(self, frame: Frame) -> None:
-        """An ESTIMATOR_STATUS."""
-        self._flight.watch.missing_flags = missing_flags(ESTIMATOR_STATUS.unpack(frame.payload)[FLAGS])
-        self._status_at_s = self._flight.clock_s()
+    def settle(self, told: Told) -> list[str]:
+        """At stand-by: what cannot be seen, for the pilot. It is not missed later, until it has been seen."""
+        self._known = {reason for reason, (blind, _) in self._can_be.items() if blind(self._config, told)}
+        return [_text(reason) for reason in self._can_be if reason in self._known]
 
-    def look(self) -> None:
-        """Forget what is too old, and tell or refuse where a guard has gone blind with it."""
-        flight, now_s = self._flight, self._flight.clock_s()
-        if now_s - self._status_at_s > ESTIMATOR_S:
-            flight.watch.missing_flags = math.nan
-        flight.delay.forget(now_s - TIMESYNC_S)
-        if flight.state not in (State.STANDBY, State.ENGAGED):
-            self._variance_at_s = now_s
-            return
-        blind, known = flight.watch.blind(), flight.watch.known_blind
-        if Reason.POSITION_VARIANCE not in blind:
-            self._variance_at_s = now_s
-        for reason in _CAN_GO_BLIND:
-            if reason not in blind:
-                known.discard(reason)
-            elif reason is Reason.POSITION_VARIANCE and now_s - self._variance_at_s <= ESTIMATOR_S:
-                continue  # one odometry without it is nothing
-            elif reason not in known and reason not in self._told:
-                self._gone_blind(reason, blind[reason])
+    def forget(self, now_s: float) -> None:
+        """Let every source forget what is too old."""
+        for reason, forget in self._forget.items():
+            row = GUARDS[reason].row.blind
+            if row is not None and row.age_s is not None:
+                forget(now_s - row.age_s)
 
-    def _gone_blind(self, reason: Reason, what: str) -> None:
-        flight = self._flight
-        self._told.add(reason)
-        flight.event("blind", f"guard cannot see: {what}")
-        flight.say(f"guard cannot see: {what}")
-        flight.tell(f"companion: guard cannot see: {what}")
-        if reason in _ENDS_CONTROL:
-            flight.refuse(reason, _ENDS_CONTROL[reason])
+    def look(self, told: Told, now_s: float, *, ready: bool) -> list[GoneBlind]:
+        """Which guards have gone blind. `ready`: at stand-by or in control; before, nothing is missed."""
+        gone = []
+        for reason, (blind, row) in self._can_be.items():
+            if row.age_s is None:
+                continue
+            if not (ready and blind(self._config, told)):
+                self._seen_s[reason] = now_s
+                if ready:
+                    self._known.discard(reason)
+            elif reason not in self._forget and now_s - self._seen_s[reason] <= row.age_s:
+                continue  # one message without it is nothing
+            elif reason not in self._known and reason not in self._told:
+                self._told.add(reason)
+                ends = None if row.ends_control is None else f"{row.ends_control} for {row.age_s:g} s"
+                gone.append(GoneBlind(reason, _text(reason), ends))
+        return gone
+
+
+def _text(reason: Reason) -> str:
+    """For the screen, the log and the ground station."""
+    key, _, row = GUARDS[reason]
+    return f"guard cannot see: {key} ({row.blind.why if row.blind else ''})"

@@ -1,4 +1,4 @@
-"""What the estimator says of itself, and whether its position and its velocity agree.
+"""Whether the estimator's position and velocity agree, and what its resets have done.
 
 PX4 counts most of its resets (ODOMETRY.reset_counter), but not a position that slides while it converges on a new
 source: 5 m in 0.6 s in a recording. Only position against integrated velocity shows that.
@@ -10,35 +10,14 @@ import math
 from collections import deque
 from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from companion.control import attitude
 from companion.control.types import Jump, Odometry
-from companion.mavlink.codec import Layout
 
-ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
-FLAGS: Final = ESTIMATOR_STATUS.index("flags")
-
-_NEEDED: Final = (
-    mavlink.ESTIMATOR_ATTITUDE,
-    mavlink.ESTIMATOR_VELOCITY_HORIZ,
-    mavlink.ESTIMATOR_VELOCITY_VERT,
-    mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS,  # either will do
-    mavlink.ESTIMATOR_POS_VERT_ABS,
-)
 _TURNED_RAD: Final = math.radians(3.0)  # a smaller step of the heading may be the vehicle turning
 _LEAK_S: Final = 0.5
 _STILL: Final = (0.0, 0.0, 0.0)
 
 RESETS_S: Final = 60.0  # for which counted resets are remembered
-
-
-def missing_flags(flags: int) -> int:
-    """How many of the solutions that a position controller needs ESTIMATOR_STATUS.flags does not show as good.
-
-    Source: https://mavlink.io/en/messages/common.html#ESTIMATOR_STATUS_FLAGS; PX4 `Ekf::get_ekf_soln_status`.
-    """
-    return sum(not flags & needed for needed in _NEEDED)
 
 
 def jump(before: Odometry, after: Odometry) -> Jump:

@@ -84,7 +84,7 @@ def position_params(config: Config, *, hedging: bool) -> PositionParams:
         x=x,
         y=y,
         altitude=altitude,
-        one_axis=config.vehicle.kind == "rig",
+        one_axis=config.vehicle_kind.one_axis,
         anchored_at_setpoint=controller.anchor == "setpoint",
         limits=LimitParams(
             tilt_rad=math.radians(limits.tilt_deg),

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, mrac, position
 from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.authority.reasons import Reason
 from companion.flight.pilot.controller_params import hover_params, initial_weights, position_params
 from companion.flight.pilot.doublets import Manoeuvre
 from companion.flight.pilot.mission import Mission
@@ -37,7 +37,7 @@ class Pilot:
         self.manoeuvre: Manoeuvre | None = None
         if flown is not None:
             amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
-            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
+            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle_kind.one_axis)
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust

@@ -9,9 +9,10 @@ from companion.certify import proof
 from companion.certify.from_config import problem
 from companion.certify.statement import statement
 from companion.config import Config, ConfigError
-from companion.config.guards import certified_delay_s
+from companion.config.attitude import certified_delay_s
+from companion.config.guards.rows import GUARDS
 
-_ASSUMPTIONS: Final = ("pose_rate_hz", "envelope", "attitude_response_deg", "hover_thrust", "link_delay_s")
+_ASSUMPTIONS: Final = tuple(guard.key for guard in GUARDS.values() if guard.row.certified)
 
 
 def unwatched(config: Config) -> list[str]:

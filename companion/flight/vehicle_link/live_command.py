@@ -12,7 +12,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.config.guards import FenceSection
+from companion.config.guards.fence import FenceSection
 from companion.control.types import PositionSetpoint
 from companion.mavlink.codec import Frame, Layout
 

@@ -1,0 +1,1 @@
+"""The `guards` section and the reasons to end control: a row each."""

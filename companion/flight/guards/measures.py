@@ -1,0 +1,238 @@
+"""What each guard measures, 50 times a second and after the set-point has gone: one entry of `MEASURES` a guard.
+
+Everything here is in the vehicle's own time, so that a pause of ours is not taken for one of the vehicle's. A measure
+answers with one number in the unit of ours that its row in `companion/config/guards/rows.py` names; not a number where
+it cannot be seen, which is past no limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from companion.config.attitude import link_share_s
+from companion.config.base import Vector
+from companion.config.guards.rows import Reason
+from companion.config.schema import Config
+from companion.control import attitude
+from companion.control.position import PositionOutput
+from companion.control.types import AttitudeSetpoint, Jump, Odometry
+from companion.flight.guards import estimator
+from companion.flight.guards.attitude_response import ResponseBand, ends
+
+PERIOD_S: Final = 0.02  # from one look to the next
+_SATURATION_S: Final = 1.0  # over which its share is taken
+_LIFT_S: Final = 1.0  # and the average of the thrust
+_RATE_WINDOW: Final = 26  # looks, half a second
+_RATE_TOLERANCE: Final = 1.01  # how well a rate is known
+
+
+class Told(NamedTuple):
+    """What the vehicle and the link last told beside the pose; not a number where it is not told any more."""
+
+    missing_flags: float = math.nan  # of the solutions that are needed, how many the estimator does not have
+    variance_ned_m2: Vector = (math.nan, math.nan, math.nan)
+    resets_counted: bool = False  # whether the pose tells of the estimator's resets
+    round_trip_s: float = math.nan
+    jitter_s: float = math.nan
+
+
+class Look(NamedTuple):
+    """What is known at a look, in control."""
+
+    sample: Odometry
+    setpoint: AttitudeSetpoint
+    told: Told
+    began: Odometry  # the sample at which control began
+    offset_ned_m: Vector  # from where it began, resets of the estimator counted out
+    jumped: Jump | None  # what the resets counted since the last look have done
+    thrust_ned: Vector  # direction of the thrust, and the one wanted: unit vectors
+    wanted_thrust_ned: Vector
+    ticks: int  # flown so far
+    output: PositionOutput  # of the controller
+    hover_thrust: float  # normalised, as the controller believes it
+    weights_on_bound: int
+    tracking_error_m: float
+    elapsed_s: float  # in control
+
+
+Measure = Callable[[Look], float]
+
+
+class Measured(NamedTuple):
+    """What a guard needs beside its row: its measure, made for one flight, and where they are not the usual ones
+
+    `limit`, in our unit, for a limit that does not stand in its section, and `blind`, whether it cannot see.
+    """
+
+    measure: Callable[[Config], Measure] | None = None
+    limit: Callable[[Config], float] | None = None
+    blind: Callable[[Config, Told], bool] | None = None
+
+
+def stateless(measure: Measure) -> Callable[[Config], Measure]:
+    """A measure that is the same for every flight."""
+    return lambda _: measure
+
+
+# --- where the estimator thinks the vehicle is ------------------------------------------------------------------------
+
+
+def largest_variance_m2(look: Look) -> float:
+    """Of those that are told."""
+    variances = [variance for variance in look.told.variance_ned_m2 if not math.isnan(variance)]
+    return max(variances) if variances else math.nan
+
+
+class Slide:
+    """How far position has slid against velocity, m."""
+
+    def __init__(self, _: Config) -> None:
+        self._state: estimator.Consistency | None = None
+
+    def __call__(self, look: Look) -> float:
+        state = self._state or estimator.Consistency(look.began)
+        self._state, drift_m = estimator.consistency(state, look.sample, look.jumped)
+        return drift_m
+
+
+# --- what the companion is told ---------------------------------------------------------------------------------------
+
+
+class PoseRate:
+    """Rate of the odometry over the last half second, Hz."""
+
+    def __init__(self, _: Config) -> None:
+        self._seen: deque[tuple[float, int]] = deque(maxlen=_RATE_WINDOW)
+
+    def __call__(self, look: Look) -> float:
+        self._seen.append((look.sample.time_s, look.ticks))
+        first_s, first = self._seen[0]
+        if len(self._seen) < _RATE_WINDOW or look.ticks == first:
+            return math.nan
+        return (look.ticks - first) / (look.sample.time_s - first_s)
+
+
+def least_rate_hz(config: Config) -> float:
+    """The rate that the certificate is for, as well as a rate is known."""
+    return (config.guards.pose_rate_hz.limit or config.tick.floor_hz) / _RATE_TOLERANCE
+
+
+def longest_delay_s(config: Config) -> float:
+    """What the certified delay leaves to the link; without end where the certificate knows of no delay."""
+    return config.guards.link_delay_s.limit or link_share_s(config.attitude) or math.inf
+
+
+# --- how it flies -----------------------------------------------------------------------------------------------------
+
+
+def outside_fence(config: Config) -> Measure:
+    """1 outside, 0 inside."""
+    fence = config.guards.fence
+    if not fence.enabled:
+        return lambda _: math.nan
+    return lambda look: float(fence.outside(look.offset_ned_m) is not None)
+
+
+def tilt_rad(look: Look) -> float:
+    """Of the thrust direction, from the vertical."""
+    return math.acos(min(max(-look.thrust_ned[2], -1.0), 1.0))
+
+
+def tilt_error_rad(look: Look) -> float:
+    """From the thrust direction wanted to the one measured."""
+    (north, east, down), (wanted_n, wanted_e, wanted_d) = look.thrust_ned, look.wanted_thrust_ned
+    return math.acos(min(max(north * wanted_n + east * wanted_e + down * wanted_d, -1.0), 1.0))
+
+
+def outside_band_rad(config: Config) -> Measure:
+    """How far the attitude loop's answer lies outside the band of the certified responses."""
+    response = ResponseBand(config.attitude.x, config.attitude.y)
+
+    def measure(look: Look) -> float:
+        qw, qx, qy, qz, _ = look.setpoint
+        heading_rad = attitude.yaw(qw, qx, qy, qz)
+        return response.advance(look.sample.time_s, heading_rad, look.thrust_ned[:2], look.wanted_thrust_ned[:2])
+
+    return measure
+
+
+def widest_band_rad(config: Config) -> float:
+    """No limit where the response is being identified: nobody has certified one yet."""
+    measuring = config.mission.identification is not None
+    return math.inf if measuring else math.radians(config.guards.attitude_response_deg.limit)
+
+
+def no_band(config: Config, _: Told) -> bool:
+    """A transfer function is not watched."""
+    axes = (config.attitude.x, config.attitude.y)
+    return any(axis is not None and not ends(axis) for axis in axes)
+
+
+class Lift:
+    """How far the vertical thrust flown is on average from the one believed to hover, over it."""
+
+    def __init__(self, _: Config) -> None:
+        self._lift = 1.0
+
+    def __call__(self, look: Look) -> float:
+        lift = -look.thrust_ned[2] * look.setpoint.thrust / look.hover_thrust
+        self._lift += (lift - self._lift) * PERIOD_S / _LIFT_S
+        return abs(self._lift - 1.0)
+
+
+class Saturation:
+    """Share of the last second's looks with thrust at its limit."""
+
+    def __init__(self, _: Config) -> None:
+        self._share = 0.0
+
+    def __call__(self, look: Look) -> float:
+        self._share += (look.output.thrust_limited - self._share) * PERIOD_S / _SATURATION_S
+        return self._share
+
+
+def envelope_used(config: Config) -> Measure:
+    """Largest share of the envelope: of its distance, or of its speed."""
+    envelope, one_axis = config.controller.envelope, config.vehicle_kind.one_axis
+    position_m, velocity_m_s = envelope.position_m, envelope.velocity_m_s
+
+    def measure(look: Look) -> float:
+        at_x, vx, _, at_y, vy, _ = look.output.measured
+        if one_axis:
+            at_y = vy = 0.0
+        return max(max(abs(at_x), abs(at_y)) / position_m, max(abs(vx), abs(vy)) / velocity_m_s)
+
+    return measure
+
+
+# What is not told at stand-by is told in this order; the order of the checks is that of the rows.
+MEASURES: Final = {
+    Reason.ESTIMATOR_FLAGS: Measured(
+        stateless(lambda look: look.told.missing_flags), blind=lambda _, told: math.isnan(told.missing_flags)
+    ),
+    Reason.POSITION_VARIANCE: Measured(
+        stateless(largest_variance_m2), blind=lambda _, told: any(map(math.isnan, told.variance_ned_m2))
+    ),
+    Reason.ESTIMATOR_JUMP: Measured(blind=lambda _, told: not told.resets_counted),
+    Reason.VELOCITY_CONSISTENCY: Measured(Slide),
+    Reason.LINK_DELAY: Measured(
+        stateless(lambda look: look.told.round_trip_s),
+        limit=longest_delay_s,
+        blind=lambda _, told: math.isnan(told.round_trip_s),
+    ),
+    Reason.LINK_JITTER: Measured(stateless(lambda look: look.told.jitter_s)),
+    Reason.POSE_RATE: Measured(PoseRate, limit=least_rate_hz),
+    Reason.FENCE: Measured(outside_fence, limit=lambda _: 0.5),
+    Reason.TILT: Measured(stateless(tilt_rad)),
+    Reason.ATTITUDE_RESPONSE: Measured(outside_band_rad, limit=widest_band_rad, blind=no_band),
+    Reason.TILT_ERROR: Measured(stateless(tilt_error_rad)),
+    Reason.HOVER_THRUST: Measured(Lift),
+    Reason.THRUST_SATURATION: Measured(Saturation),
+    Reason.WEIGHTS_ON_BOUND: Measured(stateless(lambda look: look.weights_on_bound)),
+    Reason.TRACKING_ERROR: Measured(stateless(lambda look: look.tracking_error_m)),
+    Reason.ENVELOPE: Measured(envelope_used, limit=lambda _: 1.0),
+    Reason.FLIGHT_TIME: Measured(stateless(lambda look: look.elapsed_s)),
+}
