@@ -35,6 +35,7 @@ from rich.table import Table
 from companion.mavlink.px4 import Mode
 
 HERE = Path(__file__).resolve().parent
+ECHO = HERE / "echo"
 FLOOR, LEAST, RIVAL, OURS = "C echo", "Python struct", "mavsdk callback", "companion run"
 _READY_S = 20.0
 _WARM_UP_S = 0.5
@@ -96,7 +97,7 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
     """The candidates; the C echo only where there is a compiler."""
     found = []
     if compiler := shutil.which("cc"):
-        subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(HERE / "echo.c")], check=True)
+        subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(ECHO / "echo.c")], check=True)
         found.append(Kind(FLOOR, (str(folder / "echo"), "{port}"), "ready", BY_ECHO))
     settings = [part for text in (*_SETTINGS, *overrides) for part in ("--set", text)]
     run = (
@@ -113,9 +114,9 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
     return [
         *found,
         Kind(OURS, (sys.executable, *run, *settings), "engaged", BY_TIME),
-        Kind(LEAST, (sys.executable, str(HERE / "echo_struct.py"), "{port}"), "ready", BY_THRUST),
-        Kind("pymavlink mavutil", (sys.executable, str(HERE / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
-        Kind(RIVAL, (sys.executable, str(HERE / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
+        Kind(LEAST, (sys.executable, str(ECHO / "echo_struct.py"), "{port}"), "ready", BY_THRUST),
+        Kind("pymavlink mavutil", (sys.executable, str(ECHO / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
+        Kind(RIVAL, (sys.executable, str(ECHO / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
     ]
 
 
