@@ -93,8 +93,8 @@ class Result:
         }
 
 
-def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
-    """The candidates; the C echo only where there is a compiler."""
+def kinds(config: Path, overrides: list[str], folder: Path, baseline: Path | None) -> list[Kind]:
+    """The candidates; the C echo only where there is a compiler. `baseline`: an older checkout, one more of them."""
     found = []
     if compiler := shutil.which("cc"):
         subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(ECHO / "echo.c")], check=True)
@@ -111,6 +111,9 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
         "--out",
         str(folder / "flights"),
     )
+    if baseline is not None:
+        older = ("env", f"--chdir={baseline}", f"PYTHONPATH={baseline}", sys.executable)
+        found.append(Kind(f"{OURS}, baseline", (*older, *run, *settings), "engaged", BY_TIME))
     return [
         *found,
         Kind(OURS, (sys.executable, *run, *settings), "engaged", BY_TIME),
@@ -204,6 +207,9 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", metavar="HZ", default=[250.0, 100.0])
     parser.add_argument("--seconds", type=float, default=10.0, help="measured, per candidate and rate (default: 10)")
     parser.add_argument("--rounds", type=int, default=4, help="how many turns that time is split into (default: 4)")
+    parser.add_argument(
+        "--baseline", type=Path, metavar="DIR", help="an older checkout of this project, flown beside it"
+    )
     parser.add_argument("--only", action="append", metavar="NAME", help="candidates whose name contains this")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     arguments = parser.parse_args()
@@ -216,7 +222,7 @@ def main() -> None:
         folder = Path(name)
         chosen = [
             kind
-            for kind in kinds(arguments.config, arguments.overrides, folder)
+            for kind in kinds(arguments.config, arguments.overrides, folder, arguments.baseline)
             if not arguments.only or any(part in kind.name for part in arguments.only)
         ]
         results = {kind.name: {rate: Result() for rate in arguments.rates} for kind in chosen}
