@@ -210,7 +210,7 @@ def test_the_tick_is_laid_out_as_cdr_lays_out_its_schema() -> None:
     assert tick_dtype().itemsize == at
 
 
-@settings(deadline=None, derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(), min_size=FLOAT_COUNT, max_size=FLOAT_COUNT),
     st.lists(st.integers(0, 255), min_size=len(schema.FLAGS), max_size=len(schema.FLAGS)),
@@ -223,7 +223,7 @@ def test_any_tick_comes_back_bit_for_bit(values: list[float], flags: list[int]) 
     assert [row[field.name] for field in schema.FLAGS] == flags
 
 
-@settings(deadline=None, derandomize=True, max_examples=100)
+@settings(max_examples=100)
 @given(st.text(max_size=20), st.text(max_size=60))
 def test_any_event_comes_back(name: str, detail: str) -> None:
     assert schema.unpack_event(schema.pack_event(name, detail)) == (name, detail)

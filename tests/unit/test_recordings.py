@@ -274,7 +274,7 @@ LINE = b"".join(raw for _, raw in records(CUTS / "px4_sih_flight.tlog"))[:20_000
 WHOLE = FrameParser(stream=True).feed(LINE)
 
 
-@settings(deadline=None, derandomize=True, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(st.integers(0, len(LINE)), max_size=60))
 def test_a_recorded_line_cut_at_random_places_gives_the_same_frames(places: list[int]) -> None:
     parser = FrameParser(stream=True)

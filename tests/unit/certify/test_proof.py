@@ -22,7 +22,7 @@ from companion.certify.problem import Problem
 from companion.certify.proof import check, load, positive_definite, verify
 from companion.certify.statement import digest, problem_of, statement
 
-PROPERTY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+PROPERTY = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def places(content, path=()):
@@ -186,7 +186,7 @@ def test_infeasible_problems_get_no_certificate(rig):
 
 
 @given(st.lists(st.lists(st.integers(-9, 9), min_size=4, max_size=4), min_size=4, max_size=4), st.integers(0, 60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_positive_definite_agrees_with_eigenvalues(rows, shift):
     matrix = np.array(rows) + np.array(rows).T + shift * np.eye(4, dtype=int)
     smallest = np.linalg.eigvalsh(matrix)[0]
