@@ -13,7 +13,7 @@ PARAMS = hover.HoverParams(0.5, 5.0, 0.3, 0.8, 0.05, G)
 GAINS = altitude.AltitudeParams(1.5, 4.0, 2.0, 0.0, 30.0, 3.0, 1.5, G)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(0.35, 0.75), st.floats(0.0, 0.4))
 def test_it_finds_the_hover_thrust_whatever_is_flown(true: float, tilt: float) -> None:
     state, v, dt = hover.start(0.5, 0.0), 0.0, 0.004

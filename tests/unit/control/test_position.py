@@ -220,7 +220,7 @@ def calm(*, at_setpoint: bool = True) -> position.PositionParams:
     return params(tilt_deg=60.0, at_setpoint=at_setpoint)._replace(x=axis, y=axis)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(angles, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-2, 2), st.floats(-2, 2))
 def test_start_is_bumpless_leaning_and_moving(yaw: float, fx: float, fy: float, vx: float, vy: float) -> None:
     """In wind or in a manoeuvre: the first set-point is the attitude as it is; a second later it is the law's."""
@@ -242,7 +242,7 @@ def test_start_is_bumpless_leaning_and_moving(yaw: float, fx: float, fy: float, 
     assert flown == pytest.approx(0.0, abs=1e-12) or out.limited
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.floats(-1.4, 1.4), st.floats(-1.4, 1.4), st.floats(-1.4, 1.4),
     st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-0.5, 0.5), angles, st.booleans(),

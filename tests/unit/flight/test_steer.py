@@ -19,7 +19,7 @@ from companion.mavlink.codec import Frame, FrameParser
 
 OWN = (1, 191)
 POSITION_AND_YAW, POSITION_ALONE = 0x9F8, 0xDF8
-MANY = settings(deadline=None, derandomize=True, max_examples=200)
+MANY = settings(max_examples=200)
 HERE = PositionSetpoint(10.0, -5.0, -3.0, 0.5)
 
 

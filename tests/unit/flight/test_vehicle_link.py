@@ -291,7 +291,7 @@ mutated = st.builds(
 )
 
 
-@settings(deadline=None, derandomize=True, max_examples=200)
+@settings(max_examples=200)
 @given(st.lists(st.one_of(st.binary(max_size=80), forged, mutated, real), max_size=12), st.booleans())
 def test_only_whole_frames_of_the_vehicle_ever_come_out(pieces: list[bytes], connected: bool) -> None:
     bench = Bench(*STEERING)

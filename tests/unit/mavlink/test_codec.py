@@ -26,8 +26,8 @@ from companion.mavlink.codec import (
 )
 
 SENDER = (1, 191)
-FEW = settings(deadline=None, derandomize=True, max_examples=40)
-MANY = settings(deadline=None, derandomize=True, max_examples=120)
+FEW = settings(max_examples=40)
+MANY = settings(max_examples=120)
 
 
 def sender(sequence: int = 0) -> Any:

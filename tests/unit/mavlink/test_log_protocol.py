@@ -77,7 +77,7 @@ def fetched(wire: Wire, fetch: LogFetch, until: int | None = None, timeout_s: fl
     return data
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     size=st.integers(19, 30_000),
     lost=st.sampled_from([0.0, 0.05, 0.3]),

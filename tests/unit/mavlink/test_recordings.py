@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from harness.processes import PATIENCE_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
@@ -211,7 +212,7 @@ def test_the_flight_loses_offboard_when_the_stream_stops_and_regains_it_when_it_
 def peer() -> Iterator[socket.socket]:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
-        vehicle.settimeout(5.0)
+        vehicle.settimeout(PATIENCE_S)
         yield vehicle
 
 
@@ -274,7 +275,7 @@ LINE = b"".join(raw for _, raw in records(CUTS / "px4_sih_flight.tlog"))[:20_000
 WHOLE = FrameParser(stream=True).feed(LINE)
 
 
-@settings(deadline=None, derandomize=True, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(st.integers(0, len(LINE)), max_size=60))
 def test_a_recorded_line_cut_at_random_places_gives_the_same_frames(places: list[int]) -> None:
     parser = FrameParser(stream=True)

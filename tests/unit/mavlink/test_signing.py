@@ -19,7 +19,7 @@ KEY = bytes(range(1, 33))
 DIGITS = KEY.hex().encode()
 NOW = 3_000_000_000_000
 keys = st.binary(min_size=32, max_size=32)
-MANY = settings(deadline=None, derandomize=True, max_examples=100)
+MANY = settings(max_examples=100)
 
 
 def their(key: bytes = KEY, *, link_id: int = 0, timestamp: int = NOW, system: int = 1, component: int = 1) -> Any:

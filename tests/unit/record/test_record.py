@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from harness.processes import PATIENCE_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -51,7 +52,7 @@ def tell(recording: Recorder, number: signal.Signals) -> None:
     recording._process.send_signal(number)
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def wait_until(condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
     deadline = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline, "it never came to that"
@@ -210,7 +211,7 @@ def test_the_tick_is_laid_out_as_cdr_lays_out_its_schema() -> None:
     assert tick_dtype().itemsize == at
 
 
-@settings(deadline=None, derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(), min_size=FLOAT_COUNT, max_size=FLOAT_COUNT),
     st.lists(st.integers(0, 255), min_size=len(schema.FLAGS), max_size=len(schema.FLAGS)),
@@ -223,7 +224,7 @@ def test_any_tick_comes_back_bit_for_bit(values: list[float], flags: list[int]) 
     assert [row[field.name] for field in schema.FLAGS] == flags
 
 
-@settings(deadline=None, derandomize=True, max_examples=100)
+@settings(max_examples=100)
 @given(st.text(max_size=20), st.text(max_size=60))
 def test_any_event_comes_back(name: str, detail: str) -> None:
     assert schema.unpack_event(schema.pack_event(name, detail)) == (name, detail)
@@ -326,7 +327,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 def test_a_killed_writer_does_not_stop_the_recorder(tmp_path: Path) -> None:
     with recorder(tmp_path) as recording:
         tell(recording, signal.SIGKILL)
-        recording._process.wait(5.0)
+        recording._process.wait(PATIENCE_S)
         for n in range(20_000):
             recording.add(TICK, n, noise(n))
             recording.flush()
@@ -340,7 +341,7 @@ def test_a_killed_writer_does_not_stop_the_recorder(tmp_path: Path) -> None:
 def test_every_record_that_a_dead_writer_did_not_take_is_counted(tmp_path: Path) -> None:
     with recorder(tmp_path) as recording:
         tell(recording, signal.SIGKILL)
-        recording._process.wait(5.0)
+        recording._process.wait(PATIENCE_S)
         for n in range(1000):
             recording.add(TICK, n, noise(n))
         assert recording.dropped > 900, "all but the few that were on their way when it was found dead"
@@ -408,17 +409,13 @@ def test_a_stopped_writer_never_blocks_the_flight_and_what_is_lost_is_counted(tm
     with recorder(tmp_path) as recording:
         tell(recording, signal.SIGSTOP)
         wait_until(lambda: stopped(recording))
-        alarm = threading.Timer(
-            10.0, tell, (recording, signal.SIGCONT)
-        )  # a recorder that waits must not hang the tests
+        # a recorder that waits must not hang the tests
+        alarm = threading.Timer(PATIENCE_S, tell, (recording, signal.SIGCONT))
         alarm.start()
-        began = time.monotonic()
         for n in range(count):
             recording.add(RECEIVED, n, noise(n, size))
-        elapsed_s = time.monotonic() - began
         alarm.cancel()
-        assert elapsed_s < 5.0
-        assert stopped(recording)
+        assert stopped(recording), "it has not been waited for"
         dropped = recording.dropped
         assert count // 4 < dropped < count
         tell(recording, signal.SIGCONT)
@@ -456,7 +453,7 @@ def test_a_blocking_recorder_waits_for_its_writer_and_drops_nothing(tmp_path: Pa
         thread.start()
         assert not done.wait(0.5), "15 MB cannot have gone into a pipe that nobody reads"
         tell(recording, signal.SIGCONT)
-        thread.join(10.0)
+        thread.join(PATIENCE_S)
         assert done.is_set()
         assert recording.close() is None
         assert recording.dropped == 0
@@ -470,7 +467,7 @@ def test_a_writer_that_does_not_finish_is_given_up_after_the_timeout(tmp_path: P
         wait_until(lambda: stopped(recording))
         began = time.monotonic()
         assert recording.close(timeout_s=0.2) == f"{tmp_path}: the log writer did not finish"
-        assert time.monotonic() - began < 2.0
+        assert time.monotonic() - began < PATIENCE_S
         assert recording._process.poll() == -signal.SIGKILL
 
 
@@ -480,12 +477,12 @@ def test_closing_with_much_pending_keeps_to_the_timeout(tmp_path: Path) -> None:
         wait_until(lambda: stopped(recording))
         for n in range(4000):
             recording.add(SENT, n, noise(n))
-        alarm = threading.Timer(1.5, tell, (recording, signal.SIGCONT))
+        alarm = threading.Timer(PATIENCE_S, tell, (recording, signal.SIGCONT))
         alarm.start()
         began = time.monotonic()
         complaint: Any = recording.close(timeout_s=0.2)
         elapsed_s = time.monotonic() - began
         alarm.cancel()
         alarm.join()
-        assert elapsed_s < 1.0
+        assert elapsed_s < 0.5 * PATIENCE_S
         assert complaint is not None
