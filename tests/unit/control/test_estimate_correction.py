@@ -9,7 +9,7 @@ import pytest
 from companion.control.estimate_correction import CorrectionParams, reseat, start, step
 from companion.control.types import Jump, Odometry
 
-PX4 = CorrectionParams(0.3, 0.75, 1.0)
+PX4 = CorrectionParams(0.3, 0.75, 1.0, 0.6)
 RECORDED = np.load(Path(__file__).resolve().parents[2] / "data" / "px4_sih_estimator_errors.npz")["errors"]
 
 
@@ -63,5 +63,14 @@ def test_a_jump_of_the_estimate_is_no_disagreement() -> None:
 
 def test_gains_of_zero_change_nothing() -> None:
     said = sample(0.1, 1.0, 9.0, -2.0, 3.0)
-    _, corrected = step(CorrectionParams(0.3, 0.0, 0.0), start(sample(0.0, 0.0, 0.0)), said, 0.1)
+    _, corrected = step(CorrectionParams(0.3, 0.0, 0.0, 0.6), start(sample(0.0, 0.0, 0.0)), said, 0.1)
     assert corrected == said
+
+
+def test_a_jump_that_nobody_counts_is_believed_no_further_than_the_limit() -> None:
+    state = start(sample(0.0, 0.0, 0.0))
+    for k in range(1, 500):
+        state, corrected = step(PX4, state, sample(0.004 * k, 5.0, 0.0), 0.004)
+        assert abs(corrected.x_m - 5.0) <= 0.75 * 0.6 + 1e-9
+        assert abs(corrected.vx_m_s) <= 0.6 + 1e-9
+    assert corrected.x_m == pytest.approx(5.0, abs=0.01)
