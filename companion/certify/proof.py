@@ -19,14 +19,15 @@ from typing import NamedTuple
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_vertices, joint_vertices
+from companion.certify.elimination import positive_definite
 from companion.certify.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
+from companion.certify.rational import list_of, rational, rationals
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import digest, problem_of
 
 SCHEMA = 1
 MAX_DEGREE = 16
-MAX_BITS = 200  # of a numerator or denominator
 MAX_FILE_BYTES = 4_000_000
 MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
 JOINT = "joint"
@@ -196,27 +197,6 @@ def check(proof: Proof, vertices: Sequence[Matrix]) -> str:
     return ""
 
 
-def positive_definite(lower: Sequence[Sequence[int]]) -> bool:
-    """Whether a symmetric integer matrix, given by its lower triangle, is positive definite.
-
-    Fraction-free LDL^T elimination (Bareiss): the pivots are the leading principal minors, exact integers (Sylvester).
-    """
-    rows = [list(row[: i + 1]) for i, row in enumerate(lower)]
-    previous = 1
-    for k, pivot_row in enumerate(rows):
-        pivot = pivot_row[k]
-        if pivot <= 0:
-            return False
-        column = [rows[i][k] for i in range(k + 1, len(rows))]
-        for i, factor in enumerate(column, start=k + 1):
-            row = rows[i]
-            row[k + 1 :] = [
-                (pivot * entry - factor * other) // previous for entry, other in zip(row[k + 1 :], column, strict=False)
-            ]
-        previous = pivot
-    return True
-
-
 def inverse(matrix: Matrix) -> Matrix | None:
     """Exact inverse by Gauss-Jordan elimination, or None if the matrix is singular."""
     n = len(matrix)
@@ -252,31 +232,11 @@ def _proof_of(stated: object) -> Proof:
         raise ValueError("degree is not an integer")
     return Proof(
         degree,
-        _rational(stated["time_scale"]),
-        tuple(_rationals(row) for row in _list(stated["coordinates"])),
-        _rationals(stated["lyapunov"]),
-        tuple(_rationals(row) for row in _list(stated["multipliers"])),
+        rational(stated["time_scale"]),
+        tuple(rationals(row) for row in list_of(stated["coordinates"])),
+        rationals(stated["lyapunov"]),
+        tuple(rationals(row) for row in list_of(stated["multipliers"])),
     )
-
-
-def _rationals(stated: object) -> tuple[Fraction, ...]:
-    return tuple(_rational(item) for item in _list(stated))
-
-
-def _rational(stated: object) -> Fraction:
-    if not isinstance(stated, str) or len(stated) > 200 or not set(stated) <= set("-/0123456789"):
-        raise ValueError("a number is not a rational of the form -3/8")
-    number = Fraction(stated)
-    # Powers of two, as the writer makes them: a common denominator is then one of them, and no file stalls this check.
-    if number.denominator & (number.denominator - 1) or max(number.denominator, abs(number.numerator)) >> MAX_BITS:
-        raise ValueError(f"a number is not a short multiple of a power of two: {stated[:40]}")
-    return number
-
-
-def _list(stated: object) -> list[object]:
-    if not isinstance(stated, (list, tuple)):
-        raise ValueError("a list is missing")
-    return list(stated)
 
 
 def _symmetric(lower: list[int], size: int) -> list[list[int]]:
