@@ -129,6 +129,15 @@ def delayed(channel: Channel) -> bool:
     return channel.delays_s[-1] > 0
 
 
+def whole(loop: Loop) -> tuple[Row, ...]:
+    """The corner without a delay: y(t) itself drives it."""
+    n = len(loop.a)
+    columns = [[row[j] for row in loop.c] for j in range(n)]
+    return tuple(
+        tuple(x + _dot(inlet, columns[j]) for j, x in enumerate(row)) for row, inlet in zip(loop.a, loop.e, strict=True)
+    )
+
+
 def size(channel: Channel) -> int:
     """Length of z in a sector."""
     loop = channel.corners[0][0]
@@ -200,9 +209,9 @@ def positive(channel: Channel, sectors_: Sequence[Sector], scale: Scale) -> Iter
 
 def _falls(index: int, a: list[list[Fraction]], e: tuple[Row, ...], c: list[Row], delay: Fraction) -> Inequality:
     n, channels = len(a), len(c)
-    if not delay:  # y(t) itself
-        whole = [tuple(x + _dot(e[i], [row[j] for row in c]) for j, x in enumerate(a[i])) for i in range(n)]
-        return Inequality(index, tuple(_unit(n, i) for i in range(n)), tuple(whole), ())
+    if not delay:
+        rate_ = whole(Loop(tuple(map(tuple, a)), e, tuple(c)))
+        return Inequality(index, tuple(_unit(n, i) for i in range(n)), rate_, ())
     width = n + (ORDER + 1) * channels
     pad = (ZERO,) * (width - n)
     phi = [[n + i * channels + number for number in range(channels)] for i in range(ORDER)]
