@@ -10,10 +10,10 @@ import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from pymavlink.dialects.v20 import common as mavlink
+import harness_path  # noqa: F401 - finds `harness`
+from harness.fake_autopilot import FakeAutopilot
 
-from companion.mavlink.codec import Encoder, FrameParser, Layout, decode_cold
-from companion.mavlink.px4 import Mode
+from companion.mavlink.codec import Encoder, Layout
 
 ODOMETRY = Layout("ODOMETRY")
 SET_ATTITUDE_TARGET = Layout("SET_ATTITUDE_TARGET")
@@ -44,21 +44,18 @@ class Timing(NamedTuple):
     lost: int
 
 
-class Autopilot:
-    """Speaks to whoever listens on a UDP port of this machine. `mode` is what it says it is in."""
+class Autopilot(FakeAutopilot):
+    """The tests' fake autopilot with samples that move, spoken to whoever listens on a UDP port of this machine."""
 
     def __init__(self, port: int) -> None:
-        self.mode = Mode.HOLD
-        self._switches = True  # to OFFBOARD once there is a stream to fly: before, whoever comes keeps its hands off
+        super().__init__()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
         # A kernel timeout: Python's own would poll before each receive, and that would count as the candidate's time.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(_TIMEOUT_S * 1e6)))
-        self._parser = FrameParser()
         self._odometry = Encoder(ODOMETRY, 1, 1)
-        self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._current_mode = Encoder(Layout("CURRENT_MODE"), 1, 1)
-        self._sequence = 0
+        self._sequence = 0  # of the samples; what is said beside them counts for itself
+        self._unheard: list[bytes] = []  # what came beside the answers: taken in between two samples
         self._time_us = 10_000_000
         self._heartbeat_at_s = self._mode_at_s = 0.0
 
@@ -86,7 +83,7 @@ class Autopilot:
                 if data[at] == key and data[7:10] == want_id:
                     latencies.append((ended_ns - began_ns) * 1e-3)
                     break
-                self._take(data)
+                self._unheard.append(data)
             else:
                 lost += 1
             self._beside()
@@ -123,35 +120,29 @@ class Autopilot:
         for field in ODOMETRY.fields:
             value = values[field]
             wire.extend(value if isinstance(value, tuple) else (value,))
-        return self._odometry.encode(self._next(), *wire)
+        self._sequence = self._sequence + 1 & 255
+        return self._odometry.encode(self._sequence, *wire)
 
     def _beside(self) -> None:
-        """Heartbeat and mode, after the answer so that they cost no sample its time."""
+        """Heartbeat, mode and answers, after the sample's so that they cost none its time."""
+        for data in self._unheard:
+            self.hear(data)
+        self._unheard.clear()
+        self.heard.clear()
         now_s = time.monotonic()
         if now_s - self._heartbeat_at_s > _HEARTBEAT_S:
             self._heartbeat_at_s = now_s
-            base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-            self._send(
-                mavlink.MAVLink_heartbeat_message(
-                    mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, base, self.mode, mavlink.MAV_STATE_ACTIVE, 3
-                )
-            )
+            self.answers.append(self.heartbeat())
         if now_s - self._mode_at_s > _MODE_S:
             self._mode_at_s = now_s
-            self._put(self._current_mode.encode(self._next(), self.mode, self.mode, 0))
+            self.answers.append(self.current_mode())
+        for message in self.answers:
+            self._put(self.pack(message))
+        self.answers.clear()
 
     def _drain(self) -> None:
         while data := self._receive(socket.MSG_DONTWAIT):
-            self._take(data)
-
-    def _take(self, data: bytes) -> None:
-        """Accept whatever is commanded: only a commander that believes it to be done sends set-points."""
-        for frame in self._parser.feed(data):
-            if frame.message_id == SET_ATTITUDE_TARGET.message_id and self._switches:
-                self._switches, self.mode = False, Mode.OFFBOARD
-            if frame.message_id != mavlink.MAVLINK_MSG_ID_COMMAND_LONG:
-                continue
-            self._send(mavlink.MAVLink_command_ack_message(decode_cold(frame).command, mavlink.MAV_RESULT_ACCEPTED))
+            self._unheard.append(data)
 
     def _receive(self, flags: int = 0) -> bytes:
         try:
@@ -159,14 +150,6 @@ class Autopilot:
         except (BlockingIOError, ConnectionRefusedError):
             return b""
 
-    def _send(self, message: mavlink.MAVLink_message) -> None:
-        self._mavlink.seq = self._next()
-        self._put(bytes(message.pack(self._mavlink)))
-
     def _put(self, frame: bytes) -> None:
         with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
             self._socket.send(frame)
-
-    def _next(self) -> int:
-        self._sequence = self._sequence + 1 & 255
-        return self._sequence

@@ -29,7 +29,8 @@ from typing import Any, NamedTuple
 
 from attacker import TLOG_STAMP_BYTES, Attacker, datagrams
 from autopilot import BY_TIME, Autopilot, Timing
-from processes import Candidate, free_port, wait
+from harness.ports import free_port
+from processes import Candidate
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.guards.declaration import Group
@@ -265,7 +266,7 @@ def fly(
             raise RuntimeError(f"it ended: {candidate.output().strip()}")
         vehicle.mode = Mode.HOLD
         vehicle.play(_RATE_HZ, 0.3)
-        ended = wait(candidate.process, 30.0)
+        ended = candidate.ends(30.0)
     except ConnectionRefusedError:
         raise RuntimeError(f"it ended: {candidate.output().strip()}") from None
     finally:

@@ -26,7 +26,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from autopilot import BY_ECHO, BY_THRUST, BY_TIME, Answer, Autopilot
-from processes import Candidate, OtherWork, free_port, wait
+from harness.ports import free_port
+from processes import Candidate, OtherWork
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -158,7 +159,7 @@ def land(candidate: Candidate, autopilot: Autopilot, kind: Kind, answered: int) 
     """End the flight as a pilot does, and see that it was one: in control throughout, every tick on disk."""
     autopilot.mode = Mode.HOLD
     autopilot.play(100.0, 0.2)
-    ended = wait(candidate.process, 20.0)
+    ended = candidate.ends(20.0)
     said = candidate.output()
     ticks = re.search(r"in control for .* (\d+) ticks", said)
     if not ended or candidate.process.returncode != 0 or ticks is None or int(ticks[1]) < answered:

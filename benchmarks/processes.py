@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
-import time
 from pathlib import Path
 from typing import IO
 
+import harness_path  # noqa: F401 - finds `harness`
+from harness.processes import eventually
+
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-
-
-def free_port() -> int:
-    """A UDP port that nobody has just now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Candidate:
@@ -44,6 +37,10 @@ class Candidate:
         """Processor time so far, of the process itself and of its whole tree."""
         own = processor_time_s(self.process.pid)
         return own, own + sum(processor_time_s(pid) for pid in descendants(self.process.pid))
+
+    def ends(self, timeout_s: float) -> bool:
+        """Whether it ends by itself within the time."""
+        return eventually(lambda: self.process.poll() is not None, timeout_s)
 
     def kill(self) -> None:
         if self.process.poll() is None:
@@ -100,11 +97,3 @@ def _stat(pid: int) -> list[str]:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return []
-
-
-def wait(process: subprocess.Popen[bytes], timeout_s: float) -> bool:
-    """Whether it ended within the time."""
-    until_s = time.monotonic() + timeout_s
-    while process.poll() is None and time.monotonic() < until_s:
-        time.sleep(0.02)
-    return process.poll() is not None

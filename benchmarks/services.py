@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from processes import Candidate, OtherWork, wait
+from processes import Candidate, OtherWork
 from pymavlink.dialects.v20 import development as mavlink
 from rich.console import Console
 from rich.table import Table
@@ -173,7 +173,7 @@ def _direct(kind: str, url: str, seconds: float, rounds: int, folder: Path) -> d
                 answers.append(json.loads(process.stdout.readline()))
         candidate.is_ready()  # or it has ended meanwhile
         candidate.process.terminate()
-        wait(candidate.process, 10.0)
+        candidate.ends(10.0)
     finally:
         candidate.kill()
     return {"stretches": stretches, "answers": answers}

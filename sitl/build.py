@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable, Mapping
 from random import Random
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import FirstOrder
 from companion.config import Config, ConfigError
-from companion.config.plant import (
-    Angle,
-    Cascade,
-    DirectionSection,
-    QuadrotorPlant,
-    RadioSection,
-    RigPlant,
-    SensorsSection,
-    WindSection,
-)
+from companion.config.plant import Plant
+from companion.config.plant.disturbances import DirectionSection, RadioSection, SensorsSection, WindSection
+from companion.config.vehicles import Angle, Cascade, QuadrotorPlant, RigPlant, VehicleName
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters
 from sitl.vehicles.attitude_loop import AngleGains, RateGains
@@ -30,6 +24,7 @@ from sitl.wire.impairments import Channel, Impairments
 from sitl.wire.wire import Channels
 from sitl.world.environment import Environment, Turbulence, Wind
 from sitl.world.estimator import Estimator, Lag, Noise
+from sitl.world.navigation_error import PRESETS
 from sitl.world.wind import Gust
 
 _NO_RESPONSE = LinearResponse(FirstOrder, (1.0,))
@@ -84,28 +79,45 @@ def quadrotor_params(section: QuadrotorPlant) -> QuadrotorParams:
     )
 
 
+def build_rig(plant: Plant, hover_thrust: float) -> Rig:
+    """The rig of a plant section that has one."""
+    flown = plant.rig
+    assert flown is not None
+    delay_s = plant.setpoint_delay_s + (flown.pitch.delay_s if flown.pitch else 0.0)
+    return Rig(rig_params(flown), hover_thrust, delay_s)
+
+
+def build_quadrotor(plant: Plant, hover_thrust: float) -> Quadrotor:
+    """The quadrotor of a plant section that has one, as it really is."""
+    flown, mismatch = plant.quadrotor, plant.mismatch
+    assert flown is not None
+    believed = quadrotor_params(flown)
+    true = believed._replace(
+        mass_kg=mismatch.mass * believed.mass_kg, drag_n_s2_m2=mismatch.drag * believed.drag_n_s2_m2
+    )
+    roll_s, pitch_s, yaw_s = (0.0 if angle is None else angle.delay_s for angle in (flown.roll, flown.pitch, flown.yaw))
+    return Quadrotor(
+        true,
+        hover_thrust,
+        plant.setpoint_delay_s,
+        thrust_factor=mismatch.thrust / mismatch.mass,
+        angle_delays_s=(roll_s, pitch_s, yaw_s),
+    )
+
+
+BUILDERS: Final[Mapping[VehicleName, Callable[[Plant, float], Vehicle]]] = {
+    "rig": build_rig,
+    "quadrotor": build_quadrotor,
+}
+"""By kind of vehicle: from the plant section and the hover thrust to the physics."""
+
+
 def build_vehicle(config: Config) -> Vehicle:
     """The vehicle that the config describes. Raises `ValueError` when it has no `plant` section."""
     plant = config.plant
     if plant is None:
         raise ValueError("the config has no plant section: there is nothing to simulate")
-    hover, delay, mismatch = config.vehicle.hover_thrust, plant.setpoint_delay_s, plant.mismatch
-    if plant.rig is not None:
-        return Rig(rig_params(plant.rig), hover, delay + (plant.rig.pitch.delay_s if plant.rig.pitch else 0.0))
-    assert plant.quadrotor is not None  # the schema holds exactly one
-    believed = quadrotor_params(plant.quadrotor)
-    true = believed._replace(
-        mass_kg=mismatch.mass * believed.mass_kg, drag_n_s2_m2=mismatch.drag * believed.drag_n_s2_m2
-    )
-    flown = plant.quadrotor
-    roll_s, pitch_s, yaw_s = (0.0 if angle is None else angle.delay_s for angle in (flown.roll, flown.pitch, flown.yaw))
-    return Quadrotor(
-        true,
-        hover,
-        delay,
-        thrust_factor=mismatch.thrust / mismatch.mass,
-        angle_delays_s=(roll_s, pitch_s, yaw_s),
-    )
+    return BUILDERS[plant.kind.name](plant, config.vehicle.hover_thrust)
 
 
 class World(NamedTuple):
@@ -162,6 +174,7 @@ def build_world(config: Config, *, complete: bool = False) -> World:
             random("estimator"),
             Noise(sensors.position_m, sensors.velocity_m_s, math.radians(sensors.attitude_deg), sensors.correlation_s),
             Lag(sensors.delay_s, sensors.jitter_s),
+            None if sensors.preset is None else PRESETS[sensors.preset],
         )
         autopilot.estimate = estimator
     if complete or plant.link is not None:

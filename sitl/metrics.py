@@ -54,7 +54,7 @@ def score(config: Config, flight: Flight) -> Metrics:
     if not len(ticks):
         raise ValueError("the controller was never in control")
     error = ticks["position_m"] - ticks["ideal_position_m"]
-    distance = np.abs(error[:, 0]) if config.vehicle.kind == "rig" else np.hypot(error[:, 0], error[:, 1])
+    distance = np.abs(error[:, 0]) if config.vehicle_kind.one_axis else np.hypot(error[:, 0], error[:, 1])
 
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values**2)))
@@ -77,7 +77,7 @@ def score(config: Config, flight: Flight) -> Metrics:
 def tracking_error_m(config: Config, ticks: np.ndarray) -> np.ndarray:
     """Distance in space from the reference that the controller tracks, (n,) by tick; a rig has only its guide."""
     error = ticks["position_m"] - ticks["reference_position_m"]
-    if config.vehicle.kind == "rig":
+    if config.vehicle_kind.one_axis:
         return np.asarray(np.abs(error[:, 0]))
     down = ticks["position_ned_m"][:, 2] - ticks["reference_z_m"]
     return np.asarray(np.hypot(np.hypot(error[:, 0], error[:, 1]), down))

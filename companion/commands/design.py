@@ -19,10 +19,11 @@ from companion.certify.problem import Problem
 from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
+from companion.config.vehicles import ANGLES
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS
-from companion.identify.write import CONFIG_AXES, note, response
+from companion.identify.write import note, response
 
 _SEARCH_RAYS: Final = (0, 8)  # 16 give 1 % more for twice the work
 
@@ -106,7 +107,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
     changes: dict[KeyPath, str] = {}
     notes: dict[KeyPath, str] = {}
     known = key_paths(text)
-    for axis, angle in CONFIG_AXES.items():
+    for axis, angle in ANGLES.items():
         section = getattr(template.attitude, axis)
         if section is None:
             continue
@@ -119,7 +120,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
         values["delay_s"] = _plus(values.get("delay_s", 0.0), more_s)
         changes["attitude", axis] = flow({"pade_order": section.pade_order, **values})
         notes["attitude", axis] = note(identification, found)
-        plant = ("plant", "rig" if template.vehicle.kind == "rig" else "quadrotor", angle)
+        plant = ("plant", template.vehicle.kind, angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
             changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
@@ -188,7 +189,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _limits(chosen: Design) -> str:
-    return f"{chosen.limited_by} (axis {chosen.slowest}, {CONFIG_AXES[chosen.slowest]})"
+    return f"{chosen.limited_by} (axis {chosen.slowest}, {ANGLES[chosen.slowest]})"
 
 
 def _to_json(chosen: Design, template: Config, identification: Identification, out: Path) -> dict[str, object]:
@@ -234,7 +235,7 @@ def _show(
     for angle, axis in identification.axes.items():
         table.add_row(f"{angle}, {axis.chosen.model.title}", _in_words(axis.chosen))
     for name, value in chosen.fastest_rad_s.items():
-        table.add_row(f"fastest reference, axis {name} ({CONFIG_AXES[name]})", f"{value} rad/s")
+        table.add_row(f"fastest reference, axis {name} ({ANGLES[name]})", f"{value} rad/s")
     table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
                                        f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
     table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")

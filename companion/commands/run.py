@@ -12,19 +12,21 @@ from companion.certify.from_config import certificate_path
 from companion.commands.options import ConfigFile, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
 from companion.flight.authority.states import ORDINARY, Reason
+from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Speaker
 from companion.flight.process import FlightProcess
 from companion.flight.readiness.certificate import uncovered, unwatched
-from companion.mavlink.guest import door_of
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
-from companion.mavlink.sharing import ToolServer
+from companion.mavlink.tool_client import door_of
+from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder
 from companion.record.recorder import EVENT
 from companion.record.schema import pack_event
 
 _WANTED = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
+_NEVER_ENGAGED = 2
 
 
 class Arguments(NamedTuple):
@@ -97,9 +99,9 @@ def run(arguments: Arguments) -> int:
                 engage=arguments.engage,
                 warning=warning,
                 uncertified=arguments.uncertified,
-                door=door,
+                tools=door,
                 notifier=notifier,
-                say=speaker.say,
+                print_line=speaker.say,
             ).run()
         finally:
             notifier.close()
@@ -111,10 +113,18 @@ def run(arguments: Arguments) -> int:
                 print(f"companion: {complaint}", file=sys.stderr)
     finally:
         link.close()
-    if not summary.engaged and summary.reason not in _WANTED:
+    code = exit_code(summary)
+    if code == _NEVER_ENGAGED:
         print(f"companion: {summary.detail}", file=sys.stderr)
-        return 2
-    print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
+    else:
+        print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
+    return code
+
+
+def exit_code(summary: Summary) -> int:
+    """0 for an ordinary end, 1 for a fault or a failsafe, 2 when control never began and was not to."""
+    if not summary.engaged and summary.reason not in _WANTED:
+        return _NEVER_ENGAGED
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
 
 

@@ -24,6 +24,7 @@ class Arguments(NamedTuple):
     gcs_port: int | None
     link: str | None
     logs: tuple[Path, ...]
+    against: str | None  # whom to compare with
     scenarios: list[str] | None  # None: not asked for; empty: all of them
 
 
@@ -43,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
     parser.add_argument(
         "--log", type=Path, action="append", metavar="FILE", help="with --serve: a log for `companion logs` to find"
+    )
+    parser.add_argument(
+        "--against",
+        choices=["px4"],
+        help="fly PX4's own position control too, score all by the truth",
     )
     parser.add_argument(
         "--scenarios",
@@ -66,6 +72,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.gcs_port,
         namespace.link,
         tuple(namespace.log or ()),
+        namespace.against,
         namespace.scenarios,
     )
 
@@ -96,6 +103,10 @@ def run(arguments: Arguments) -> int:
             arguments.logs,
         )
         return serve.run(served)
+    if arguments.against is not None:
+        from companion.commands import against  # noqa: PLC0415
+
+        return against.run(against.Arguments(config, arguments.config, arguments.out, arguments.json))
     from companion.commands import experiment  # noqa: PLC0415
 
     flown = experiment.Arguments(

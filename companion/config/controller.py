@@ -121,6 +121,19 @@ class Limits(Section):
         return self
 
 
+class EstimateCorrectionSection(Section):
+    """Corrects position and velocity by how much they disagree; `companion.control.estimate_correction`."""
+
+    filter_s: Positive = 0.3
+    """Time constant of the low pass on the disagreement."""
+    position_gain_s: NonNegative = 0.75
+    """Metres added to the position for each m/s by which it moves faster than the velocity says. The best is one over
+    the gain of the estimator from innovation to position: 0.75 s for PX4's EKF2 with GPS."""
+    velocity_gain: NonNegative = 1.0
+    """[1] Share of the disagreement that is added to the velocity. One: at low frequency the velocity is the slope of
+    the position."""
+
+
 class ControllerSection(Section):
     """The position controller."""
 
@@ -131,6 +144,8 @@ class ControllerSection(Section):
     flown set-point, so that the adaptation is as fast everywhere."""
     initial_weights: Literal["zero", "nominal"] = "nominal"
     """Ŵ(0) of (22). `zero`: as in the paper, no feedback at first. `nominal`: feedback from the first tick."""
+    estimate_correction: EstimateCorrectionSection | None = None
+    """Corrects what the estimator says of position and velocity. Left out, it is believed as it is."""
     axes: Axes
     """Reference model and adaptation of each axis."""
     bias: BiasSection | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -108,12 +109,18 @@ def _read(path: Path) -> Any:
 
 def _parse(text: str, path: Path) -> Any:
     try:
-        return _unshared(yaml.load(text, Loader=_UniqueKeys))
+        return _unshared(_yaml(text))
     except _NOT_YAML as error:
         mark = getattr(error, "problem_mark", None)
         where = f" line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or "not valid YAML"
         raise ConfigError(f"{path}{where}: {problem}") from None
+
+
+@lru_cache(maxsize=8)
+def _yaml(text: str) -> Any:
+    """A program that flies many flights loads the same file for each."""
+    return yaml.load(text, Loader=_UniqueKeys)
 
 
 def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:

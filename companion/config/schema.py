@@ -20,6 +20,7 @@ from companion.config.mission import MissionSection
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
 from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
+from companion.config.vehicles import VEHICLE_KINDS, VehicleKind, VehicleName
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 
@@ -27,7 +28,7 @@ ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
 class VehicleSection(Section):
     """The vehicle and where it is on MAVLink."""
 
-    kind: Literal["rig", "quadrotor"]
+    kind: VehicleName
     """What it can do: a rig moves along one guide at hover thrust, a quadrotor flies free."""
     hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
     """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
@@ -94,13 +95,19 @@ class Config(Section):
     paper: PaperSection | None = None
     """The paper's figures."""
 
+    @property
+    def vehicle_kind(self) -> VehicleKind:
+        """What the vehicle can do."""
+        return VEHICLE_KINDS[self.vehicle.kind]
+
     @model_validator(mode="after")
     def _axes_of_the_vehicle(self) -> Config:
-        if self.vehicle.kind == "quadrotor":
-            if self.controller.axes.y is None or self.attitude.y is None or self.controller.altitude is None:
-                raise ValueError("a quadrotor needs controller.axes.y, controller.altitude and attitude.y")
-        elif self.controller.axes.y is not None or self.attitude.y is not None:
-            raise ValueError("a rig has one axis: remove controller.axes.y and attitude.y")
+        kind, controller = self.vehicle_kind, self.controller
+        if kind.one_axis:
+            if controller.axes.y is not None or self.attitude.y is not None:
+                raise ValueError(f"a {kind.name} has one axis: remove controller.axes.y and attitude.y")
+        elif controller.axes.y is None or self.attitude.y is None or controller.altitude is None:
+            raise ValueError(f"a {kind.name} needs controller.axes.y, controller.altitude and attitude.y")
         limits, hover = self.controller.limits, self.vehicle.hover_thrust
         if not limits.thrust_min < hover < limits.thrust_max:
             raise ValueError("vehicle.hover_thrust must lie between controller.limits.thrust_min and thrust_max")
@@ -114,11 +121,11 @@ class Config(Section):
         if flown is not None:
             amplitude_deg(self.controller, self.guards.fence, flown)  # or it raises
         check_delay(self.guards, self.attitude)
-        if self.vehicle.kind == "rig" and (
+        if kind.one_axis and (
             self.vehicle.hover_thrust_source == "estimated"
             or any(w.yaw_deg is not None for w in self.mission.waypoints)
         ):
-            raise ValueError("a rig keeps its thrust and its heading: no estimated hover thrust, no yaw_deg")
-        if self.plant is not None and (self.plant.rig is None) == (self.vehicle.kind == "rig"):
-            raise ValueError(f"plant: give the {self.vehicle.kind}, as vehicle.kind says")
+            raise ValueError(f"a {kind.name} keeps its thrust and its heading: no estimated hover thrust, no yaw_deg")
+        if self.plant is not None and self.plant.kind is not kind:
+            raise ValueError(f"plant: give the {kind.name}, as vehicle.kind says")
         return self

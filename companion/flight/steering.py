@@ -2,40 +2,35 @@
 
 from __future__ import annotations
 
+from companion.control.types import PositionSetpoint
 from companion.flight.authority.states import State
-from companion.flight.session import Session
-from companion.flight.vehicle_link import live_command as steer
-from companion.mavlink.codec import Frame
+from companion.flight.session import Session, To
+from companion.flight.vehicle_link.live_command import Refusals, outside
 
 
 class LiveCommands:
-    """Takes what the port has put aside for us."""
+    """Flies what those who may steer have sent."""
 
     def __init__(self, flight: Session) -> None:
         self._flight = flight
-        self._own = (flight.config.link.system_id, flight.config.link.component_id)
         self._fence = flight.config.guards.fence
-        self._refusals = steer.Refusals()
+        self._refusals = Refusals()
 
-    def take(self) -> None:
-        """Fly or refuse what has come."""
+    def fly_newest(self) -> None:
+        """Fly or refuse what has come since."""
         flight = self._flight
-        frames, flight.port.steering = flight.port.steering, []
-        for frame in frames:
-            refused = self._refused(frame)
-            if refused is not None and self._refusals.tell(flight.now_s):
-                flight.event("command_refused", refused)
-                flight.tell(f"companion: refused: {refused}")
+        for command in flight.link.live_commands():
+            refused = command if isinstance(command, str) else self._fly(command)
+            if refused is not None and self._refusals.tell(flight.clock.now_s):
+                flight.announce("command_refused", refused)
+                flight.announce("command_refused", f"refused: {refused}", To.GROUND_STATION)
 
-    def _refused(self, frame: Frame) -> str | None:
-        """Steer to where the frame says; or why not."""
+    def _fly(self, command: PositionSetpoint) -> str | None:
+        """Steer there; or why not."""
         flight = self._flight
-        command = steer.parse(frame, self._own)
-        if isinstance(command, str):
-            return command
         if flight.state is not State.ENGAGED:
             return "not in control"
-        outside = steer.outside(command, self._fence, flight.pilot.origin)
-        if outside is None:
+        refused = outside(command, self._fence, flight.pilot.origin)
+        if refused is None:
             flight.pilot.steer(command)
-        return outside
+        return refused

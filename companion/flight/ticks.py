@@ -7,44 +7,44 @@ the estimator.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Final
 
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.authority.states import Reason, State
 from companion.flight.guards import table as guards
-from companion.flight.housekeeping import Housekeeping
+from companion.flight.host.clock import LARGEST_STEP_S
 from companion.flight.pilot.pilot import record_standby
 from companion.flight.session import Session
 from companion.flight.transitions import Changes
-from companion.mavlink.px4 import Mode
+from companion.flight.vehicle_link.modes import Mode
 from companion.record.recorder import TICK
 
 _, _CHECKING, _STANDBY, _ENGAGED, _RELEASED = State  # on its class, looking up a member costs tenfold
 _OFFBOARD: Final = int(Mode.OFFBOARD)
 _LEVEL: Final = AttitudeSetpoint(1.0, 0.0, 0.0, 0.0, 0.0)
-_LARGEST_STEP_S: Final = 1.0  # between two samples of one clock, where no guard says otherwise
 
 
 class Ticks:
     """Takes the samples of a flight, in order. In lockstep time is the samples' own, and every one is answered."""
 
-    def __init__(self, flight: Session, changes: Changes, keeping: Housekeeping) -> None:
-        self._flight, self._changes, self._keeping = flight, changes, keeping
-        self._port, self._pilot, self._pose, self._watch = flight.port, flight.pilot, flight.pose, flight.watch
+    def __init__(self, flight: Session, changes: Changes, restart_housekeeping: Callable[[], None]) -> None:
+        self._flight, self._changes, self._restart_housekeeping = flight, changes, restart_housekeeping
+        self._link, self._pilot, self._pose, self._watch = flight.link, flight.pilot, flight.pose, flight.watch
+        self._clock, self._freshness = flight.clock, flight.freshness
         self._lockstep = flight.lockstep
-        self._flies = flight.config.vehicle.kind == "quadrotor"
-        self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], _LARGEST_STEP_S)
+        self._flies = flight.config.vehicle_kind.can_fly
+        self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], LARGEST_STEP_S)
         self._resets = 0  # of the estimator, as of the last sample
         self._held, self._sent_ms = _LEVEL, -1  # the last set-point, and the sample it answered
-        self._last_s = 0.0  # in lockstep: time stamp of the last sample, of whatever kind
 
-    def take(self, sample: Odometry) -> None:
+    def on_sample(self, sample: Odometry) -> None:
         """One sample of odometry: flown in control, answered by what is safe in stand-by."""
         flight = self._flight
         last = flight.sample
         engaged = flight.state is _ENGAGED
         if self._lockstep:
-            self._pass_time(sample.time_s)
+            self._clock.pass_time(sample.time_s, running=flight.ticks > 0)
         if not guards.valid_pose(sample):
             if engaged:
                 self._stop_for(Reason.POSE_INVALID)
@@ -60,10 +60,9 @@ class Ticks:
         elif dt <= 0.0 and last is not None:
             return  # a copy, or out of order: the newer one has been flown
         if self._lockstep:
-            flight.now_s = sample.time_s
-            flight.stamp_us = flight.time_us()
+            self._clock.move_to(sample.time_s)
             if last is None:  # from here on time is the odometry's
-                self._keeping.restart()
+                self._restart_housekeeping()
                 self._changes.restart()
         flight.sample = sample
         if self._pose.reset_counter != self._resets:
@@ -75,12 +74,14 @@ class Ticks:
             self._fly(sample, dt)
         else:
             if flight.state is _CHECKING:
-                flight.preflight.take(sample.time_s)
-            if (flight.state is _STANDBY and not flight.aloof) or (self._lockstep and flight.state is not _RELEASED):
+                flight.preflight.on_sample(sample.time_s)
+            if (flight.state is _STANDBY and not flight.hands_off) or (
+                self._lockstep and flight.state is not _RELEASED
+            ):
                 self._stand_by(sample, dt)
         # The age of the pose, which is looked at before the next sample: an estimate that has stopped grows old.
         if last is None or sample[1] != last[1] or not self._repeats(last, sample):
-            flight.pose_at_s = flight.now_s
+            self._freshness.on_pose(self._clock.now_s)
 
     def answer(self, sample: Odometry) -> None:
         """In lockstep, after the end: the plant's time stands until it is answered, by what it was told last.
@@ -106,7 +107,7 @@ class Ticks:
         latency_s = self._send(sample, setpoint)
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
         if sample[0] >= watch.due_s:
-            flight.delay.heard(sample.time_s, flight.now_s)
+            flight.delay.heard(sample.time_s, self._clock.now_s)
             reason = watch.look(sample, setpoint, pilot, flight.told(), flight.ticks)
             if reason is not None:
                 self._stop_for(reason)
@@ -114,15 +115,9 @@ class Ticks:
         if pilot.mission_over:
             self._stop_for(pilot.ending)
 
-    def _pass_time(self, sample_s: float) -> None:
-        """In lockstep time is the samples', as far as it passes at all."""
-        flight = self._flight
-        flight.passed_s += min(max(sample_s - self._last_s, 0.0), _LARGEST_STEP_S) if flight.ticks else 0.0
-        self._last_s = sample_s
-
     def _stop_for(self, fault: Reason) -> None:
         """End control now, before another sample of the same datagram is flown."""
-        self._flight.fault = self._flight.fault or fault
+        self._flight.refuse(fault)
         self._changes.decide()
 
     def _stand_by(self, sample: Odometry, dt_s: float) -> None:
@@ -131,7 +126,7 @@ class Ticks:
         No thrust only while the vehicle is disarmed in another mode: armed is told once a second, OFFBOARD at once, and
         a vehicle in the air must not fall in between.
         """
-        grounded = not self._port.armed and self._port.mode != _OFFBOARD
+        grounded = not self._link.armed and self._link.mode != _OFFBOARD
         thrust = 0.0 if grounded else self._pilot.hover_thrust
         setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
         latency_s = self._send(sample, setpoint)
@@ -139,17 +134,16 @@ class Ticks:
 
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""
-        flight = self._flight
-        flight.streamed = True
+        self._flight.streamed = True
         self._held, self._sent_ms = setpoint, _milliseconds(sample[0])
-        self._port.send_setpoint(self._sent_ms, *setpoint, flight.stamp_us)
-        return 0.0 if self._lockstep else time.monotonic() - flight.now_s
+        self._link.send_setpoint(self._sent_ms, setpoint)
+        return 0.0 if self._lockstep else time.monotonic() - self._clock.now_s
 
     def _record(self, tick: bytes) -> None:
         flight = self._flight
         flight.ticks += 1
         flight.tick = tick
-        flight.recorder.add(TICK, flight.stamp_us, tick)
+        flight.recorder.add(TICK, self._clock.stamp_us, tick)
 
 
 def _milliseconds(time_s: float) -> int:

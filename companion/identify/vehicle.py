@@ -9,6 +9,8 @@ from typing import NamedTuple
 import yaml
 
 from companion.config import Config
+from companion.config.vehicles import VEHICLE_KINDS
+from companion.identify.series import AXES
 
 
 class FlownVehicle(NamedTuple):
@@ -21,17 +23,13 @@ class FlownVehicle(NamedTuple):
 def vehicle_of(logs: Iterable[Path], config: Config | None) -> FlownVehicle:
     """By the config; without one by the config in the first flight folder that has a readable one."""
     if config is not None:
-        return FlownVehicle(config.vehicle.system_id, _axes(config.vehicle.kind))
+        return FlownVehicle(config.vehicle.system_id, config.vehicle_kind.angles)
     for log in logs:
         flown = log / "config.yaml"
         if flown.is_file():
             try:
                 vehicle = yaml.safe_load(flown.read_text(encoding="utf-8"))["vehicle"]
-                return FlownVehicle(int(vehicle.get("system_id", 1)), _axes(str(vehicle["kind"])))
+                return FlownVehicle(int(vehicle.get("system_id", 1)), VEHICLE_KINDS[vehicle["kind"]].angles)
             except (OSError, ValueError, TypeError, KeyError, AttributeError, yaml.YAMLError):
                 continue
-    return FlownVehicle(None, _axes("quadrotor"))
-
-
-def _axes(kind: str) -> tuple[str, ...]:
-    return ("pitch",) if kind == "rig" else ("roll", "pitch")
+    return FlownVehicle(None, AXES)

@@ -13,9 +13,9 @@ import yaml
 
 from companion.config import ConfigError, load_config
 from companion.config.edit import KeyPath, edited, flow
+from companion.config.vehicles import ANGLES
 from companion.identify.identification import AxisIdentification, Identification
 
-CONFIG_AXES: Final = {"x": "pitch", "y": "roll"}  # control frame to attitude
 _KEPT: Final = "pade_order"  # of a response: how the certificate takes the delay, not what it is
 _DIGITS: Final = 4
 _SMALLEST: Final = Decimal("0.0001")  # the certificate wants parameters above zero
@@ -65,13 +65,13 @@ def write(path: Path, identification: Identification) -> None:
         raise ConfigError(f"{path}: {error.strerror}") from None
     before = yaml.safe_load(text)
     wanted: dict[str, dict[str, Any]] = {}
-    for key, axis in CONFIG_AXES.items():
+    for key, axis in ANGLES.items():
         if before["attitude"].get(key) is not None and axis in identification.axes:
             kept = {k: int(v) for k, v in before["attitude"][key].items() if k == _KEPT}
             wanted[key] = {**response(identification.axes[axis]), **kept}
     try:
         said: dict[KeyPath, str] = {
-            ("attitude", key): note(identification, identification.axes[CONFIG_AXES[key]]) for key in wanted
+            ("attitude", key): note(identification, identification.axes[ANGLES[key]]) for key in wanted
         }
         text = edited(text, {("attitude", key): flow(values) for key, values in wanted.items()}, said)
         same = yaml.safe_load(text) == {**before, "attitude": {**before["attitude"], **wanted}}

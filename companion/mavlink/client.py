@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config
 from companion.mavlink.codec import Frame, FrameParser, Layout
-from companion.mavlink.guest import GuestLink, doors_of
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.signing import Signing, read_key
+from companion.mavlink.tool_client import GuestLink, doors_of
 
 HEARTBEAT: Final = Layout("HEARTBEAT")
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one

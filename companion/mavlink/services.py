@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.client import Client
 from companion.mavlink.codec import HEADER_BYTES, Frame
 from companion.mavlink.link import LinkError
-from companion.mavlink.sharing import COLD
+from companion.mavlink.tool_server import COLD
 
 _HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT.to_bytes(3, "little")
 _MESSAGE_ID: Final = slice(7, HEADER_BYTES)

@@ -9,7 +9,6 @@ from pathlib import Path
 import yaml
 
 from companion.config import Config, ConfigError
-from companion.record.direct import DirectRecorder
 from companion.record.recorder import Recorder
 
 
@@ -47,4 +46,8 @@ def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bo
         (folder / "config.yaml").write_text(f"# as flown, from {config_path.name}\n{used}", encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error.strerror) from None
-    return DirectRecorder(folder) if direct else Recorder(folder, blocking=blocking)
+    if direct:
+        from companion.record.direct import DirectRecorder  # noqa: PLC0415 - a real flight leaves mcap to its writer
+
+        return DirectRecorder(folder)
+    return Recorder(folder, blocking=blocking)

@@ -12,10 +12,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from companion.control.types import GRAVITY_M_S2
+from sitl.autopilot import position_control
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.modes import AUTO_MODES, CUSTOM_MODE_ENABLED, STICK_MODES, FlightMode, LandedState, Severity
 from sitl.autopilot.navigator import Home, Navigator
 from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.position_control import PositionControlParams, PositionControlSetpoint, PositionControlState
 from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
 from sitl.autopilot.request_faults import RequestFaults
 from sitl.vehicles.rotation import turned
@@ -24,6 +27,7 @@ from sitl.world.estimator_status import NOMINAL
 
 PHYSICS_DT_US: Final = 1_000
 CONTROL_DT_US: Final = 10_000
+_PX4_POSITION_CONTROL: Final = PositionControlParams()
 LAND_DETECTION_US: Final = 1_000_000
 LANDED_THRUST_SHARE: Final = 0.3  # of hover thrust: below, a vehicle on the ground counts as landed
 
@@ -76,6 +80,8 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, vehicle.hover_thrust, vehicle.can_fly)
         self.home = Home(vehicle.state.position_ned_m, vehicle.state.q_wxyz, 0)
         self.setpoint = AttitudeThrust(vehicle.state.q_wxyz, 0.0)
+        self._position_target: tuple[PositionControlSetpoint, float] | None = None  # with its yaw
+        self._position_control = PositionControlState()
         self._next_control_us = 0
         self._flying_mode = self.commander.mode
         self._contact_since_us: int | None = 0
@@ -119,8 +125,11 @@ class Autopilot:
             commander.request(FlightMode.HOLD, self.time_us, force=True)
             self.follow_mode()
         mode = commander.mode
-        if mode is FlightMode.OFFBOARD:
-            return  # the last set-point stands until another comes or COM_OF_LOSS_T has passed
+        if mode is FlightMode.OFFBOARD:  # the last set-point stands until another comes or COM_OF_LOSS_T has passed
+            if self._position_target is not None:
+                self._fly_to(*self._position_target)
+            return
+        self._position_control = PositionControlState()
         if mode in STICK_MODES and mode is not FlightMode.POSCTL:
             level = attitude_from_acceleration(0.0, 0.0, 0.0, self.navigator.yaw_rad)
             self.setpoint = AttitudeThrust(level, 0.0 if commander.landed else vehicle.hover_thrust)
@@ -224,6 +233,7 @@ class Autopilot:
         if not attitude and type_mask & ROLL_OR_PITCH_RATE_IGNORE:
             return
         commander = self.commander
+        self._position_target = None
         commander.setpoint_arrived(self.time_us)
         if commander.user_mode is FlightMode.OFFBOARD and commander.mode is not FlightMode.OFFBOARD:
             commander.update(self.time_us)  # the stream is back: OFFBOARD again, from whatever the failsafe flew
@@ -238,6 +248,26 @@ class Autopilot:
             return
         thrust = 0.0 if thrust < 0.0 else min(thrust, 1.0)  # what motors can do
         self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
+
+    def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
+        """SET_POSITION_TARGET_LOCAL_NED: flown by PX4's own position controller for as long as OFFBOARD is."""
+        self._position_target = setpoint, yaw_rad
+        self.commander.setpoint_arrived(self.time_us)
+
+    def _fly_to(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
+        at = self.estimate()
+        self._position_control, thrust = position_control.step(
+            _PX4_POSITION_CONTROL,
+            self._position_control,
+            at.position_ned_m,
+            at.velocity_ned_m_s,
+            setpoint,
+            self.vehicle.hover_thrust,
+            1e-6 * CONTROL_DT_US,
+        )
+        size = math.hypot(*thrust)
+        ax, ay, az = (GRAVITY_M_S2 * part / size for part in thrust)
+        self.setpoint = AttitudeThrust(attitude_from_acceleration(ax, ay, az + GRAVITY_M_S2, yaw_rad), min(size, 1.0))
 
     def follow_mode(self, takeoff_altitude_m: float | None = None) -> None:
         """Let the navigator begin what the commander has decided. `takeoff_altitude_m`: above home."""

@@ -80,7 +80,7 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
                 above.plot(t, ticks["command_m"][:, 0], color=_COMMAND, lw=1.2, ls="--", label="set-point")
                 above.plot(t, ticks["ideal_position_m"][:, 0], color=_IDEAL, lw=1.6, label="ideal reference")
             error = ticks["position_m"] - ticks["ideal_position_m"]
-            distance = np.abs(error[:, 0]) if config.vehicle.kind == "rig" else np.hypot(error[:, 0], error[:, 1])
+            distance = np.abs(error[:, 0]) if config.vehicle_kind.one_axis else np.hypot(error[:, 0], error[:, 1])
             label = f"{TITLES[controller]}: RMS {1e3 * np.sqrt(np.mean(distance**2)):.1f} mm"
             above.plot(t, ticks["position_m"][:, 0], color=colours[controller], lw=1.3, label=TITLES[controller])
             below.plot(t, 1e3 * distance, color=colours[controller], lw=1.3, label=label)
@@ -137,7 +137,7 @@ def draw_figures(config: Config, flights: dict[str, Flight], folder: Path) -> li
         controller, _, letter = key.rpartition("_")
         if controller in flights:
             path = folder / f"{name.lower().replace(' ', '_')}.png"
-            with_velocity = config.vehicle.kind == "quadrotor"
+            with_velocity = not config.vehicle_kind.one_axis
             draw_axis(flights[controller], "xy".index(letter), controller, name, path, with_velocity=with_velocity)
             paths.append(path)
     if flights and config.controller.anchor == "setpoint":  # its control frame moves: NED is what shows a flight

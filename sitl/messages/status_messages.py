@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.control import attitude
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import ORIGIN, to_global
-from sitl.autopilot.modes import custom_mode, standard_mode
+from sitl.autopilot.modes import custom_mode
 
 Build = Callable[[int], bytes]
 
@@ -64,14 +64,11 @@ class StatusMessages:
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.gps_global_origin,
-            mavlink.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
-            mavlink.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self.estimator_status,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
-            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self.current_mode,
         }
 
     def pack(self, message: Any, sequence: int) -> bytes:
@@ -88,15 +85,6 @@ class StatusMessages:
             custom_mode=custom_mode(autopilot.commander.mode),
             system_status=autopilot.system_status,
             mavlink_version=3,
-        )
-        return self.pack(message, sequence)
-
-    def current_mode(self, sequence: int) -> bytes:
-        commander = self._autopilot.commander
-        message = mavlink.MAVLink_current_mode_message(
-            standard_mode=standard_mode(commander.mode),
-            custom_mode=custom_mode(commander.mode),
-            intended_custom_mode=custom_mode(commander.user_mode),
         )
         return self.pack(message, sequence)
 
@@ -185,32 +173,6 @@ class StatusMessages:
             approach_y=0.0,
             approach_z=0.0,
             time_usec=home.time_us,
-        )
-        return self.pack(message, sequence)
-
-    def vfr_hud(self, sequence: int) -> bytes:
-        position, velocity, q_wxyz, *_ = self._autopilot.estimate()
-        message = mavlink.MAVLink_vfr_hud_message(
-            airspeed=NAN,
-            groundspeed=real(math.hypot(velocity[0], velocity[1])),
-            heading=whole(heading_deg(q_wxyz), 15) % 360,
-            throttle=whole(100.0 * self._autopilot.setpoint.thrust, 15),
-            alt=real(to_global(position).altitude_m),
-            climb=real(-velocity[2]),
-        )
-        return self.pack(message, sequence)
-
-    def altitude(self, sequence: int) -> bytes:
-        position, *_ = self._autopilot.estimate()
-        above_sea = real(to_global(position).altitude_m)
-        message = mavlink.MAVLink_altitude_message(
-            time_usec=self._now_us,
-            altitude_monotonic=above_sea,
-            altitude_amsl=above_sea,
-            altitude_local=real(-position[2]),
-            altitude_relative=real(self._autopilot.home.position_ned_m[2] - position[2]),
-            altitude_terrain=NAN,
-            bottom_clearance=NAN,
         )
         return self.pack(message, sequence)
 

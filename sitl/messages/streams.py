@@ -113,11 +113,6 @@ class Streams:
         self.odometry_due_us = NEVER_US
         self.others_due_us = now_us + HEARTBEAT_INTERVAL_US
 
-    @property
-    def due_us(self) -> int:
-        """Simulated time of the next message; until `start`, of the next heartbeat."""
-        return min(self.odometry_due_us, self.others_due_us)
-
     def start(self, now_us: int) -> None:
         """Somebody listens now: all default streams run from here."""
         if not self.started:

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Encoder, Layout
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import to_global
+from sitl.autopilot.modes import custom_mode, standard_mode
 from sitl.messages.status_messages import Build, StatusMessages, heading_deg, real, whole
 from sitl.vehicles.rotation import euler
 from sitl.world.estimator_status import Health
@@ -59,6 +60,9 @@ class Telemetry:
         self._highres_imu = hot("HIGHRES_IMU")
         self._attitude_target = hot("ATTITUDE_TARGET")
         self._timesync = hot("TIMESYNC")
+        self._current_mode = hot("CURRENT_MODE")
+        self._altitude = hot("ALTITUDE")
+        self._vfr_hud = hot("VFR_HUD")
         self._health = autopilot.health
         self._odometry_tail = (*covariances(self._health), 1, 1)
         self.builders: dict[int, Build] = {
@@ -70,6 +74,9 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: self.attitude_target,
             mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: self.highres_imu,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self.current_mode,
+            mavlink.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
+            mavlink.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self.odometry,
         }
 
@@ -130,6 +137,29 @@ class Telemetry:
     def attitude_target(self, sequence: int) -> bytes:
         q_wxyz, thrust = self._autopilot.setpoint
         return self._attitude_target(sequence, self._now_ms, *q_wxyz, 0.0, 0.0, 0.0, thrust, 0)
+
+    def current_mode(self, sequence: int) -> bytes:
+        commander = self._autopilot.commander
+        mode = commander.mode
+        return self._current_mode(sequence, custom_mode(mode), custom_mode(commander.user_mode), standard_mode(mode))
+
+    def altitude(self, sequence: int) -> bytes:
+        position, *_ = self._autopilot.estimate()
+        above_sea_m = to_global(position).altitude_m
+        above_home_m = self._autopilot.home.position_ned_m[2] - position[2]
+        return self._altitude(sequence, self._now_us, above_sea_m, above_sea_m, -position[2], above_home_m, NAN, NAN)
+
+    def vfr_hud(self, sequence: int) -> bytes:
+        position, velocity, q_wxyz, *_ = self._autopilot.estimate()
+        return self._vfr_hud(
+            sequence,
+            NAN,
+            math.hypot(velocity[0], velocity[1]),
+            to_global(position).altitude_m,
+            -velocity[2],
+            whole(heading_deg(q_wxyz), 15) % 360,
+            whole(100.0 * self._autopilot.setpoint.thrust, 15),
+        )
 
     def timesync(self, sequence: int) -> bytes:
         return self._timesync(sequence, 0, 1000 * self._now_us)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
+import gc
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -16,7 +16,6 @@ from sitl.scenarios.index import by_name
 from sitl.scenarios.scenario import Flown
 
 _WAITING: Final = 4  # flights by the wall clock at a time: they leave most of a core alone
-_STEP_BACK: Final = 10  # niceness of those that take all they can get, beside flights by the wall clock
 
 
 def fly_all(
@@ -34,9 +33,9 @@ def fly_all(
         futures = []
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: in them only a flight listens
         try:
-            for queue, size, niceness in ((waiting, _WAITING, 0), (busy, workers, _STEP_BACK if waiting else 0)):
+            for queue, size in ((waiting, _WAITING), (busy, workers)):
                 if queue:
-                    pool = pools.enter_context(_pool(min(size, len(queue)), niceness))
+                    pool = pools.enter_context(_pool(min(size, len(queue))))
                     futures += [pool.submit(_fly_named, name, bases, folder / name) for name in queue]
         finally:
             signal.signal(signal.SIGINT, before)
@@ -48,11 +47,11 @@ def fly_all(
 
 
 @contextlib.contextmanager
-def _pool(workers: int, niceness: int) -> Iterator[Executor]:
+def _pool(workers: int) -> Iterator[Executor]:
     """Processes to fly in; whatever goes wrong, what has not begun is not begun any more."""
     context = get_context("forkserver")
     context.set_forkserver_preload([__name__])  # imported once, for all of them
-    with ProcessPoolExecutor(workers, context, os.nice, (niceness,)) as pool:
+    with ProcessPoolExecutor(workers, context, gc.freeze) as pool:
         try:
             yield pool
         except BaseException:

@@ -71,7 +71,7 @@ def _fly(
     """How it ended, the run, and what the recorder complains of."""
     lockstep = not scenario.realtime
     in_memory = lockstep and not sockets
-    recorder = open_folder(folder, path, config, blocking=lockstep, direct=in_memory)
+    recorder = open_folder(folder, path, config, blocking=lockstep, direct=not sockets)
     try:
         world = settled_world(config) if scenario.airborne else build_world(config, complete=True)
         run = ScenarioRun(

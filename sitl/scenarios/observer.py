@@ -65,19 +65,19 @@ class Observer:
     def see(self, now_us: int) -> None:
         """One look at the vehicle."""
         commander = self._autopilot.commander
-        change = Change(1e-6 * now_us, commander.mode, commander.armed)
-        if not self.changes or self.changes[-1][1:] != change[1:]:
-            self.changes.append(change)
+        mode, armed = commander.mode, commander.armed
+        if not self.changes or self.changes[-1][1:] != (mode, armed):
+            self.changes.append(Change(1e-6 * now_us, mode, armed))
         position = self._autopilot.vehicle.state.position_ned_m
-        flying = commander.armed and commander.mode is FlightMode.OFFBOARD
+        flying = armed and mode is FlightMode.OFFBOARD
         if self.engaged_us is None:
             if not flying:
                 return
             self.engaged_us = now_us
             self.start_ned_m = position
             self.mark()
-        north, east, down = (p - f for p, f in zip(position, self.start_ned_m, strict=True))
-        away_m = max(math.hypot(north, east), abs(down))
+        (x, y, z), (x0, y0, z0) = position, self.start_ned_m
+        away_m = max(math.hypot(x - x0, y - y0), abs(z - z0))
         if not commander.landed:
             self._farthest_m = max(self._farthest_m, away_m)
         if flying:

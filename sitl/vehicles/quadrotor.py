@@ -69,10 +69,8 @@ class Effects(NamedTuple):
 CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-_Turned = tuple[
-    float, float, float, float, float, float, float, RateState, RateState, RateState, tuple[State, State, State]
-]
-"""What turns, a step later: the fields of a state from `qw` on."""
+_Turned = tuple[float, float, float, float, float, float, float, RateState, RateState, RateState]
+"""What turns, a step later: the fields of a state from `qw` to `yaw_loop`."""
 
 
 class Dynamics:
@@ -93,55 +91,54 @@ class Dynamics:
     def step(
         self, state: QuadrotorState, wanted: Quaternion, thrust_n: float, effects: Effects = CALM
     ) -> QuadrotorState:
-        """The state `dt_s` later, under an attitude set-point and a collective thrust, both held."""
+        """The state `dt_s` later, under an attitude set-point and a collective thrust, both held.
+
+        Without the cascade each Euler angle follows its own response; the body rates are the angle rates, as in (9).
+        """
         params, dt_s = self._params, self._dt_s
         wind_north, wind_east, wind_down, roll_bias, pitch_bias = effects
         if roll_bias or pitch_bias:
             roll, pitch, yaw = euler(*wanted)
             wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
-        turned = self._cascade(state, wanted) if params.cascade else self._respond(state, wanted)
-        qw, qx, qy, qz, *_ = turned
+        x, y, z, old_vx, old_vy, old_vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state
+        if params.cascade:
+            qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop = self._cascade(state, wanted)
+        else:
+            if wanted is not self._wanted:
+                self._wanted, self._wanted_angles = wanted, euler(*wanted)
+            roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
+            roll, pitch, yaw = euler(qw, qx, qy, qz)
+            turn = yaw_wanted - yaw
+            yaw_wanted = yaw + atan2(sin(turn), cos(turn))  # the short way round
+            if self._plain:
+                roll, p = self._roll((roll, p), roll_wanted)
+                pitch, q = self._pitch((pitch, q), pitch_wanted)
+                yaw, r = self._yaw((yaw, r), yaw_wanted)
+            else:
+                of_roll, of_pitch, of_yaw = further
+                roll, p, of_roll = respond(params.roll, roll, p, of_roll, roll_wanted, dt_s)
+                pitch, q, of_pitch = respond(params.pitch, pitch, q, of_pitch, pitch_wanted, dt_s)
+                yaw, r, of_yaw = respond(params.yaw, yaw, r, of_yaw, yaw_wanted, dt_s)
+                further = (of_roll, of_pitch, of_yaw)
+            qw, qx, qy, qz = quaternion(roll, pitch, yaw)
 
-        x, y, z, old_vx, old_vy, old_vz = state[:6]
         lift = thrust_n / params.mass_kg
         air_x, air_y, air_z = old_vx - wind_north, old_vy - wind_east, old_vz - wind_down
         drag = self._drag_1_m * sqrt(air_x * air_x + air_y * air_y + air_z * air_z)
         vx = old_vx - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * air_x)
         vy = old_vy - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * air_y)
         vz = old_vz + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * air_z)
-        return QuadrotorState(
+        return QuadrotorState._make((  # four times as fast as by its fields
             x + dt_s * 0.5 * (old_vx + vx),
             y + dt_s * 0.5 * (old_vy + vy),
             z + dt_s * 0.5 * (old_vz + vz),
-            vx, vy, vz, *turned,
-        )  # fmt: skip
-
-    def _respond(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
-        """Each Euler angle follows its own response; the body rates are the angle rates, as in (9)."""
-        if wanted is not self._wanted:
-            self._wanted, self._wanted_angles = wanted, euler(*wanted)
-        roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
-        qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state[6:]
-        roll, pitch, yaw = euler(qw, qx, qy, qz)
-        turn = yaw_wanted - yaw
-        yaw_wanted = yaw + atan2(sin(turn), cos(turn))  # the short way round
-        if self._plain:
-            roll, p = self._roll((roll, p), roll_wanted)
-            pitch, q = self._pitch((pitch, q), pitch_wanted)
-            yaw, r = self._yaw((yaw, r), yaw_wanted)
-        else:
-            params, dt_s = self._params, self._dt_s
-            of_roll, of_pitch, of_yaw = further
-            roll, p, of_roll = respond(params.roll, roll, p, of_roll, roll_wanted, dt_s)
-            pitch, q, of_pitch = respond(params.pitch, pitch, q, of_pitch, pitch_wanted, dt_s)
-            yaw, r, of_yaw = respond(params.yaw, yaw, r, of_yaw, yaw_wanted, dt_s)
-            further = (of_roll, of_pitch, of_yaw)
-        return *quaternion(roll, pitch, yaw), p, q, r, roll_loop, pitch_loop, yaw_loop, further
+            vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
+        ))  # fmt: skip
 
     def _cascade(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
         """The cascade (7) on the rotational dynamics (1)."""
         params, dt_s = self._params, self._dt_s
-        w, x, y, z, old_p, old_q, old_r, roll_loop, pitch_loop, yaw_loop, further = state[6:]
+        w, x, y, z, old_p, old_q, old_r, roll_loop, pitch_loop, yaw_loop = state[6:16]
         p_wanted, q_wanted, r_wanted = wanted_rates(params.angle_gains, wanted, (w, x, y, z))
         roll_loop, p_dot = rate_step(params.roll_rate, roll_loop, p_wanted, old_p, dt_s)
         pitch_loop, q_dot = rate_step(params.pitch_rate, pitch_loop, q_wanted, old_q, dt_s)
@@ -158,4 +155,4 @@ class Dynamics:
         qy = w * cy - x * cz + y * cw + z * cx
         qz = w * cz + x * cy - y * cx + z * cw
         norm = sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
-        return qw / norm, qx / norm, qy / norm, qz / norm, p, q, r, roll_loop, pitch_loop, yaw_loop, further
+        return qw / norm, qx / norm, qy / norm, qz / norm, p, q, r, roll_loop, pitch_loop, yaw_loop

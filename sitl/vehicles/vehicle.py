@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles import quadrotor, rig
@@ -12,6 +12,9 @@ from sitl.vehicles.attitude_loop import RateState
 from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
 Vector = tuple[float, float, float]
+
+
+_GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
 
 
 class VehicleState(NamedTuple):
@@ -165,7 +168,7 @@ class Quadrotor:
         if self._angle_delays is not None:
             q_wxyz = self._angle_delays.through(q_wxyz)
         self._thrust_n = thrust_n = thrust * self.thrust_share * self._full_thrust_n
-        if self.on_ground():
+        if self._state.z_m >= -_GROUNDED_M:
             if thrust_n <= self._weight_n:
                 self._rest()
                 return
@@ -191,4 +194,4 @@ class Quadrotor:
         )
 
     def on_ground(self) -> bool:
-        return self._state.z_m >= -1e-4
+        return self._state.z_m >= -_GROUNDED_M

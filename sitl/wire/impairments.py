@@ -31,18 +31,18 @@ class Impairments(NamedTuple):
     corruption: float = 0.0  # one to eight flipped bits
 
 
-class Delivery(NamedTuple):
-    """A frame that arrives."""
+NOTHING: Final = Impairments()
 
-    frame: bytes
-    intact: bool
+Delivery = tuple[bytes, bool]
+"""A frame that arrives, and whether it is intact."""
 
 
 class Channel:
     """One direction of a link. `put` frames in, `take` what has arrived.
 
     Attributes: `impairments`, replaced as a whole; `muted`, ids of messages that get lost, all of them where it holds
-    `ALL`; `keep_one_in`, how many of a message's frames there are to one that passes; `lost`, `corrupted` so far.
+    `ALL`; `keep_one_in`, how many of a message's frames there are to one that passes; `lost`, `corrupted` so far;
+    `due_us`, when the next frame arrives.
     """
 
     ALL: Final = -1
@@ -54,26 +54,45 @@ class Channel:
         self._last_us = 0
         self._bad = False
         self._passed: dict[int, int] = {}
-        self.impairments = impairments or Impairments()
+        self.due_us = NEVER_US
+        self.impairments = impairments or NOTHING
         self.muted: set[int] = set()
         self.keep_one_in: dict[int, int] = {}
         self.lost = 0
         self.corrupted = 0
 
     @property
-    def due_us(self) -> int:
-        """When the next frame arrives."""
-        return self._queue[0][0] if self._queue else NEVER_US
+    def impairments(self) -> Impairments:
+        """What happens to frames."""
+        return self._impairments
+
+    @impairments.setter
+    def impairments(self, how: Impairments) -> None:
+        self._impairments = how
+        self._harmless = how == NOTHING
 
     @property
     def prompt(self) -> bool:
         """Whether nothing is on its way, and nothing takes any time."""
-        how = self.impairments
+        how = self._impairments
         return not (self._queue or how.delay_s or how.jitter_s or how.reordering)
+
+    @property
+    def transparent(self) -> bool:
+        """Whether nothing is on its way, and what is sent arrives at once as it is."""
+        return self._harmless and not (self._queue or self.muted or self.keep_one_in)
+
+    def pass_through(self, now_us: int) -> None:
+        """Frames are sent past the queue, while it is transparent: what follows must not overtake them."""
+        self._last_us = max(now_us, self._last_us)
 
     def put(self, frame: bytes, now_us: int) -> None:
         """One frame is sent."""
-        how, chance = self.impairments, self._random.random
+        if self._harmless and not (self.muted or self.keep_one_in):
+            self._last_us = max(now_us, self._last_us)
+            self._enqueue(self._last_us, frame, True)
+            return
+        how, chance = self._impairments, self._random.random
         if self._gets_lost(frame, how):
             self.lost += 1
             return
@@ -85,15 +104,23 @@ class Channel:
             else:
                 due = self._last_us = max(due, self._last_us)
             intact = not (how.corruption > 0.0 and chance() < how.corruption)
-            self._count += 1
-            heapq.heappush(self._queue, (due, self._count, frame if intact else self._corrupt(frame), intact))
+            self._enqueue(due, frame if intact else self._corrupt(frame), intact)
+
+    def _enqueue(self, due_us: int, frame: bytes, intact: bool) -> None:
+        self._count += 1
+        heapq.heappush(self._queue, (due_us, self._count, frame, intact))
+        self.due_us = self._queue[0][0]
 
     def take(self, now_us: int) -> list[Delivery]:
         """What has arrived by now, in order of arrival."""
-        arrived = []
-        while self._queue and self._queue[0][0] <= now_us:
-            _, _, frame, intact = heapq.heappop(self._queue)
-            arrived.append(Delivery(frame, intact))
+        arrived: list[Delivery] = []
+        if self.due_us > now_us:
+            return arrived
+        queue = self._queue
+        while queue and queue[0][0] <= now_us:
+            _, _, frame, intact = heapq.heappop(queue)
+            arrived.append((frame, intact))
+        self.due_us = queue[0][0] if queue else NEVER_US
         return arrived
 
     def _gets_lost(self, frame: bytes, how: Impairments) -> bool:

@@ -68,9 +68,8 @@ class Plant:
                     streams.odometry(due, frames)
                     self.odometry_sent += 1
                 if wire.channels is not None:
-                    wire.send(frames, due)
+                    wire.send_due(frames, due)
                     frames.clear()
-                    wire.arrive(due)
         autopilot.advance(to_us)
         if autopilot.notices:
             self.tell_all()

@@ -75,8 +75,9 @@ class Wire:
     @property
     def due_us(self) -> int:
         """When the next thing happens on this wire."""
-        due = self.streams.due_us
-        return due if self.channels is None else min(due, self.channels.down.due_us, self.channels.up.due_us)
+        streams, channels = self.streams, self.channels
+        due = min(streams.odometry_due_us, streams.others_due_us)
+        return due if channels is None else min(due, channels.down.due_us, channels.up.due_us)
 
     def send(self, frames: list[bytes], now_us: int) -> None:
         """Frames on their way; on an impaired wire they arrive later, each by itself."""
@@ -91,6 +92,18 @@ class Wire:
         for frame in frames:
             self.channels.down.put(frame, now_us)
 
+    def send_due(self, frames: list[bytes], now_us: int) -> None:
+        """Frames of the streams on their way over an impaired wire, and what arrives on it meanwhile."""
+        channels = self.channels
+        assert channels is not None
+        if frames and channels.down.transparent and not self.standing:
+            channels.down.pass_through(now_us)
+            for frame in frames:
+                self._arrive(frame)
+        elif frames:
+            self.send(frames, now_us)
+        self.arrive(now_us)
+
     def handle(self, data: bytes, now_us: int) -> None:
         """Take received bytes; execute and answer them, now or when they have come through."""
         if not self.streams.started:
@@ -103,10 +116,15 @@ class Wire:
                     self._forward(frame, now_us)
             self.answered_ms = services.setpoint_ms
         else:
+            up = self.channels.up
             for frame in self.parser.feed(data):
                 if frame.message_id == _SETPOINT_ID:
                     (self.answered_ms,) = _MS.unpack_from(frame.payload.ljust(4, b"\0"))
-                self.channels.up.put(frame.raw, now_us)
+                    if up.transparent and not self.neighbours:
+                        up.pass_through(now_us)
+                        services.handle(frame)  # there is nothing to answer
+                        continue
+                up.put(frame.raw, now_us)
         self.flush(now_us)
 
     def _forward(self, frame: Frame, now_us: int) -> None:
@@ -131,22 +149,26 @@ class Wire:
 
     def arrive(self, now_us: int) -> None:
         """What has come through an impaired wire by now, both ways. `push` puts it on the real one."""
-        if self.channels is None:
+        channels = self.channels
+        if channels is None or (channels.down.due_us > now_us and channels.up.due_us > now_us):
             return
-        for frame, _ in self.channels.up.take(now_us):
+        for frame, _ in channels.up.take(now_us):
             for whole in self._late_parser.feed(frame):
                 self.services.handle(whole)
                 if self.neighbours:
                     self._forward(whole, now_us)
         self.flush(now_us)
-        for frame, intact in self.channels.down.take(now_us):
+        for frame, intact in channels.down.take(now_us):
             if not intact:  # by itself, so that it spoils no other
                 self.push()
                 self._put([frame])
                 continue
-            self._arrived.append(frame)
-            if frame[7:HEADER_BYTES] == _ODOMETRY:
-                self._note(frame)
+            self._arrive(frame)
+
+    def _arrive(self, frame: bytes) -> None:
+        self._arrived.append(frame)
+        if frame[7:HEADER_BYTES] == _ODOMETRY:
+            self._note(frame)
 
     def push(self) -> None:
         """Send what has arrived on the companion's side of an impaired wire."""

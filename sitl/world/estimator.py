@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from random import Random
 from typing import Final, NamedTuple
 
 from sitl.vehicles.rotation import Quaternion, euler, quaternion, turned
 from sitl.vehicles.vehicle import Vector, VehicleState
+from sitl.world.navigation_error import ErrorState, NavigationError, settled
+from sitl.world.navigation_error import step as step_error
 
 _STILL: Final = (0.0, 0.0, 0.0)
 _FORGET_S: Final = 1.0  # time in which a jump of the velocity estimate converges back to the truth
 _LONGEST_DELAY_S: Final = 1.0
+_LONGEST_STEP_S: Final = 0.02  # of the errors
 
 
 class Noise(NamedTuple):
@@ -51,6 +54,7 @@ class Estimator:
         random: Random,
         noise: Noise | None = None,
         lag: Lag | None = None,
+        error: NavigationError | None = None,
     ) -> None:
         self._truth = truth
         self._now_us = now_us
@@ -62,6 +66,8 @@ class Estimator:
         self._velocity_offset = _STILL
         self.noise = noise or Noise()
         self.lag = lag or Lag()
+        self._error = error
+        self._errors: list[ErrorState] = [settled(axis, self._normal) for axis in error or ()]
         self.offset_ned_m: Vector = _STILL
         self.drift_ned_m_s: Vector = _STILL
         self.yaw_offset_rad = 0.0
@@ -82,8 +88,22 @@ class Estimator:
         dt_s = max(1e-6 * (now_us - self._at_us), 0.0)
         self._at_us = now_us
         self._move(dt_s)
+        self._step_errors(dt_s)
         self._report = self._reported(self._delayed(now_us), dt_s)
         return self._report
+
+    def _normal(self) -> float:
+        return self._random.gauss(0.0, 1.0)
+
+    def _step_errors(self, dt_s: float) -> None:
+        if self._error is None or dt_s <= 0.0:
+            return
+        steps = math.ceil(dt_s / _LONGEST_STEP_S)
+        for _ in range(steps):
+            self._errors = [
+                step_error(axis, state, dt_s / steps, self._normal(), self._normal(), self._normal())
+                for axis, state in zip(self._error, self._errors, strict=True)
+            ]
 
     def _move(self, dt_s: float) -> None:
         if self.drift_ned_m_s != _STILL:
@@ -110,6 +130,9 @@ class Estimator:
         position, velocity, q_wxyz, rates, force = state
         position = _add(position, self.offset_ned_m)
         velocity = _add(velocity, self._velocity_offset)
+        if self._errors:
+            position = _add(position, _vector(error.position_m for error in self._errors))
+            velocity = _add(velocity, _vector(error.velocity_m_s for error in self._errors))
         if self.yaw_offset_rad:
             q_wxyz = turned(q_wxyz, self.yaw_offset_rad)
         if self.noise[:3] != _STILL:
@@ -149,6 +172,11 @@ def _between(a: VehicleState, b: VehicleState, share: float) -> VehicleState:
         mixed(a.rates_frd_rad_s, b.rates_frd_rad_s),
         b.specific_force_frd_m_s2,
     )
+
+
+def _vector(values: Iterable[float]) -> Vector:
+    x, y, z = values
+    return x, y, z
 
 
 def _add(a: Vector, b: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""The plant on real sockets, met by a client that speaks plain pymavlink."""
+"""The plant met by a client that speaks plain pymavlink: its wires on real ones, all else in simulated time."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import os
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator
 from contextlib import closing
-from typing import Any, Final
+from typing import Final
 
 import pytest
+from harness.plant_client import HOVER, NAN, Client, UdpClient, clients
+from harness.processes import PATIENCE_S
+from harness.running_plant import RunningPlant, autopilot, quadrotor, rig
 from pymavlink.dialects.v20 import development as mavlink
-from running_plant import NOBODY, RunningPlant, autopilot, quadrotor, rig
 
 from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.messages.streams import Profile, default_intervals_us
@@ -22,100 +23,16 @@ from sitl.wire.ports import SerialEndpoint, UdpEndpoint, parse_serial
 from sitl.wire.server import StopReason
 
 ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY
-HOVER: Final = 0.5
-NAN: Final = math.nan
-
-
-class Client:
-    """A companion computer on a socket of its own."""
-
-    def __init__(self, port: int, component_id: int = 191) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
-        self._to = ("127.0.0.1", port)
-        self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=component_id)
-        self._mav.robust_parsing = True
-        self.raw: list[bytes] = []
-        self._waiting: list[Any] = []
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def send(self, message: Any) -> None:
-        self.send_raw(bytes(message.pack(self._mav)))
-        self._mav.seq = (self._mav.seq + 1) & 255
-
-    def send_raw(self, data: bytes) -> None:
-        self._socket.sendto(data, self._to)
-
-    def command(self, number: int, *parameters: float, target: tuple[int, int] = (1, 1)) -> None:
-        filled = [*parameters, *[0.0] * (7 - len(parameters))]
-        self.send(mavlink.MAVLink_command_long_message(*target, number, 0, *filled))
-
-    def setpoint(self, q_wxyz: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0), thrust: float = HOVER, ms: int = 0) -> None:
-        q = list(q_wxyz)
-        self.send(mavlink.MAVLink_set_attitude_target_message(ms, 1, 1, 7, q, 0.0, 0.0, 0.0, thrust))
-
-    def heartbeat(self, kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> None:
-        self.send(mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
-
-    def receive(self, timeout_s: float = 0.0) -> list[Any]:
-        """Messages of the next datagram."""
-        self._socket.settimeout(timeout_s or 1e-6)
-        try:
-            data = self._socket.recv(65536)
-        except (TimeoutError, BlockingIOError):
-            return []
-        self.raw.append(data)
-        return self._mav.parse_buffer(data) or []
-
-    def wait(self, name: str, matches: Callable[[Any], bool] = lambda _: True, timeout_s: float = 3.0) -> Any:
-        """The next message of a name that matches; what else comes is dropped."""
-        deadline = time.monotonic() + timeout_s
-        while True:
-            while self._waiting:
-                message = self._waiting.pop(0)
-                if message.get_type() == name and matches(message):
-                    return message
-            left = deadline - time.monotonic()
-            assert left > 0.0, f"no {name} within {timeout_s} s"
-            self._waiting = self.receive(left)
-
-    def collect(self, seconds: float, keep: Callable[[], None] = lambda: None) -> list[Any]:
-        """Everything that comes within a while; `keep` is called in between."""
-        end = time.monotonic() + seconds
-        found, self._waiting = self._waiting, []
-        while (left := end - time.monotonic()) > 0.0:
-            keep()
-            found += self.receive(min(left, 0.02))
-        return found
-
-    def acknowledged(self, number: int) -> int:
-        answer = self.wait("COMMAND_ACK", lambda m: m.command == number)
-        assert (answer.target_system, answer.target_component) == (1, 191)
-        result: int = answer.result
-        return result
-
-    def until_mode(self, mode: FlightMode, timeout_s: float = 8.0) -> Any:
-        return self.wait("CURRENT_MODE", lambda m: m.custom_mode == custom_mode(mode), timeout_s)
 
 
 @pytest.fixture
-def plant() -> Iterator[RunningPlant]:
+def client() -> Client:
+    """Of a plant in simulated time."""
     quick = {"COM_SPOOLUP_TIME": 0.1, "MPC_TKO_RAMP_T": 0.2, "NAV_MC_ALT_RAD": 0.5, "MIS_TAKEOFF_ALT": 1.0}
-    with RunningPlant(autopilot(quadrotor(), **quick)) as running:
-        yield running
-    assert running.error is None
-    assert running.result is not None
-    assert running.result.reason is StopReason.REQUESTED
-
-
-@pytest.fixture
-def client(plant: RunningPlant) -> Iterator[Client]:
-    with closing(Client(plant.port)) as companion:
-        companion.heartbeat()
-        companion.wait("ATTITUDE")
-        yield companion
+    (companion,) = clients(autopilot(quadrotor(), **quick), (Profile.ONBOARD, 191))
+    companion.heartbeat()
+    companion.wait("ATTITUDE")
+    return companion
 
 
 def fly(client: Client) -> None:
@@ -139,6 +56,7 @@ def to_offboard(client: Client) -> None:
 # --- the wire -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.realtime
 def test_heartbeats_go_to_the_remote_port_until_somebody_is_heard() -> None:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as listener:
         listener.bind(("127.0.0.1", 0))
@@ -150,7 +68,7 @@ def test_heartbeats_go_to_the_remote_port_until_somebody_is_heard() -> None:
             assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
             assert (message.type, message.autopilot, message.base_mode) == (2, mavlink.MAV_AUTOPILOT_PX4, 29)
             assert (message.custom_mode, message.system_status) == (custom_mode(FlightMode.HOLD), 3)
-            with closing(Client(running.port)) as first, closing(Client(running.port, 192)) as second:
+            with closing(UdpClient(running.port)) as first, closing(UdpClient(running.port, 192)) as second:
                 first.heartbeat()
                 first.wait("ODOMETRY")
                 second.heartbeat()
@@ -160,9 +78,27 @@ def test_heartbeats_go_to_the_remote_port_until_somebody_is_heard() -> None:
                 listener.recv(2048)
 
 
-def test_a_busy_port_is_named(plant: RunningPlant) -> None:
-    with pytest.raises(OSError, match=f"UDP port {plant.port} is busy"):
+def test_a_busy_port_is_named() -> None:
+    with (
+        RunningPlant(autopilot(quadrotor())) as plant,
+        pytest.raises(OSError, match=f"UDP port {plant.port} is busy"),
+    ):
         RunningPlant(autopilot(quadrotor()), endpoints=[UdpEndpoint(plant.port)]).__enter__()
+    assert plant.result is not None
+    assert plant.result.reason is StopReason.REQUESTED
+
+
+@pytest.mark.realtime
+def test_in_real_time_simulated_time_is_the_wall_clock_s() -> None:
+    with RunningPlant(autopilot(quadrotor())) as running, closing(UdpClient(running.port)) as client:
+        client.heartbeat()
+        began_s, first = time.monotonic(), client.wait("ODOMETRY")
+        client.collect(1.0)
+        last, ended_s = client.wait("ODOMETRY"), time.monotonic()
+    simulated_s = 1e-6 * (last.time_usec - first.time_usec)
+    assert simulated_s < ended_s - began_s + 0.05
+    assert running.result is not None
+    assert simulated_s > 0.9 or running.result.stalls, "only a machine too slow lets it slip"
 
 
 def test_an_absent_device_is_named() -> None:
@@ -177,6 +113,7 @@ def test_serial_url() -> None:
             parse_serial(bad)
 
 
+@pytest.mark.realtime
 def test_serial_line() -> None:
     ours, theirs = os.openpty()
     name = os.ttyname(theirs)
@@ -188,7 +125,7 @@ def test_serial_line() -> None:
         time.sleep(0.05)
         os.write(ours, command[7:])
         names: list[str] = []
-        deadline = time.monotonic() + 3.0
+        deadline = time.monotonic() + PATIENCE_S
         while "COMMAND_ACK" not in names and time.monotonic() < deadline:
             names += [m.get_type() for m in parser.parse_buffer(os.read(ours, 4096)) or []]
     os.close(ours)
@@ -258,7 +195,7 @@ def test_odometry_as_px4_fills_it(client: Client) -> None:
 def test_commands_for_others_and_damaged_frames_are_ignored(client: Client) -> None:
     client.command(400, 1.0, target=(2, 1))
     client.command(400, 1.0, target=(1, 25))
-    good = bytearray(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0).pack(client._mav))
+    good = bytearray(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0).pack(client.mav))
     good[14] ^= 1
     client.send_raw(bytes(good))
     client.send_raw(b"\xfd\xff\xfd nonsense")
@@ -313,34 +250,26 @@ def test_time_ping_and_mission(client: Client) -> None:
 
 
 def test_status_texts_only_reach_ground_stations() -> None:
-    with RunningPlant(autopilot(quadrotor())) as running, closing(Client(running.port)) as companion:
-        companion.heartbeat()
-        companion.command(400, 1.0)
-        companion.acknowledged(400)
-        assert "STATUSTEXT" not in [m.get_type() for m in companion.collect(0.3)]
-        companion.heartbeat(mavlink.MAV_TYPE_GCS)
-        companion.command(400, 0.0)
-        assert "Disarmed" in companion.wait("STATUSTEXT").text
+    (companion,) = clients(autopilot(quadrotor()), (Profile.ONBOARD, 191))
+    companion.heartbeat()
+    companion.command(400, 1.0)
+    companion.acknowledged(400)
+    assert "STATUSTEXT" not in [m.get_type() for m in companion.collect(0.3)]
+    companion.heartbeat(mavlink.MAV_TYPE_GCS)
+    companion.command(400, 0.0)
+    assert "Disarmed" in companion.wait("STATUSTEXT").text
 
 
 def test_links_have_their_own_rates_and_tell_of_each_others_parameters() -> None:
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind(("127.0.0.1", 0))
-        second = probe.getsockname()[1]
-    endpoints = [UdpEndpoint(0, NOBODY), UdpEndpoint(second, NOBODY, Profile.GROUND_STATION)]
-    with (
-        RunningPlant(autopilot(quadrotor()), endpoints=endpoints) as running,
-        closing(Client(running.port)) as companion,
-        closing(Client(second)) as ground,
-    ):
-        companion.heartbeat()
-        ground.heartbeat(mavlink.MAV_TYPE_GCS)
-        companion.wait("ODOMETRY")
-        names = [m.get_type() for m in ground.collect(1.2)]
-        assert "ODOMETRY" not in names
-        assert "VFR_HUD" in names
-        ground.send(mavlink.MAVLink_param_set_message(1, 1, b"MC_ROLL_P", 3.5, mavlink.MAV_PARAM_TYPE_REAL32))
-        assert companion.wait("PARAM_VALUE").param_value == 3.5
+    companion, ground = clients(autopilot(quadrotor()), (Profile.ONBOARD, 191), (Profile.GROUND_STATION, 191))
+    companion.heartbeat()
+    ground.heartbeat(mavlink.MAV_TYPE_GCS)
+    companion.wait("ODOMETRY")
+    names = [m.get_type() for m in ground.collect(1.2)]
+    assert "ODOMETRY" not in names
+    assert "VFR_HUD" in names
+    ground.send(mavlink.MAVLink_param_set_message(1, 1, b"MC_ROLL_P", 3.5, mavlink.MAV_PARAM_TYPE_REAL32))
+    assert companion.wait("PARAM_VALUE").param_value == 3.5
 
 
 # --- flight ---------------------------------------------------------------------------------------------------------
@@ -365,9 +294,9 @@ def test_offboard_is_lost_after_a_second_of_silence_and_comes_back(client: Clien
     fly(client)
     to_offboard(client)
     client.collect(0.3, client.setpoint)
-    silent_since = time.monotonic()
+    silent_since_s = client.now_s()
     lost = client.until_mode(FlightMode.RTL, 2.0)
-    assert 0.95 < time.monotonic() - silent_since < 1.2
+    assert 0.95 < client.now_s() - silent_since_s < 1.2
     assert lost.intended_custom_mode == custom_mode(FlightMode.OFFBOARD)
     client.wait("HEARTBEAT", lambda m: m.system_status == mavlink.MAV_STATE_CRITICAL)
 
@@ -399,7 +328,7 @@ def test_setpoints_for_others_do_not_count(client: Client) -> None:
 def lockstep_flight(interval_us: int, ticks: int, linger_s: float) -> tuple[list[bytes], RunningPlant]:
     """Fly the rig for a number of ticks; the datagrams since the clock started, and the plant."""
     pilot = autopilot(rig())
-    with RunningPlant(pilot, lockstep=True) as running, closing(Client(running.port)) as client:
+    with RunningPlant(pilot, lockstep=True) as running, closing(UdpClient(running.port)) as client:
         client.heartbeat()
         client.wait("HEARTBEAT")
         time.sleep(linger_s)  # how long the clock stands must not matter
@@ -438,7 +367,7 @@ def test_lockstep_is_deterministic() -> None:
 
 def test_lockstep_stands_still_until_odometry_is_wanted() -> None:
     pilot = autopilot(rig())
-    with RunningPlant(pilot, lockstep=True) as running, closing(Client(running.port)) as client:
+    with RunningPlant(pilot, lockstep=True) as running, closing(UdpClient(running.port)) as client:
         client.heartbeat()
         client.wait("HEARTBEAT")
         client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 31, 10_000)
@@ -450,7 +379,7 @@ def test_lockstep_stands_still_until_odometry_is_wanted() -> None:
 def test_lockstep_gives_up_with_a_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sitl.wire.lockstep.SETPOINT_TIMEOUT_S", 0.2)
     running = RunningPlant(autopilot(rig()), lockstep=True)
-    with running, closing(Client(running.port)) as client:
+    with running, closing(UdpClient(running.port)) as client:
         client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ODOMETRY, 4000)
         client.setpoint(ms=1)  # stamped for another sample
         running.join()
@@ -462,27 +391,19 @@ def test_lockstep_gives_up_with_a_named_error(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_what_is_not_for_the_autopilot_alone_is_passed_on_to_the_other_link() -> None:
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    station_end = UdpEndpoint(port, NOBODY, Profile.GROUND_STATION)
-    with (
-        RunningPlant(autopilot(quadrotor()), endpoints=[UdpEndpoint(0, NOBODY), station_end]) as running,
-        closing(Client(running.port)) as companion,
-        closing(Client(port, 190)) as station,
-    ):
-        companion.heartbeat()
-        station.heartbeat(mavlink.MAV_TYPE_GCS)
-        companion.wait("HEARTBEAT", lambda m: m.get_srcComponent() == 190)
-        place = (10, 1, 191, 1, 0x9F8, 1.0, 2.0, -3.0, *(0.0,) * 8)
-        station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148)
-        station.send(mavlink.MAVLink_set_position_target_local_ned_message(*place))
-        found = companion.collect(0.5)
-        steered = [m for m in found if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
-        assert [(m.x, m.y, m.z, m.get_srcComponent()) for m in steered] == [(1.0, 2.0, -3.0, 190)]
-        assert not [m for m in found if m.get_type() == "COMMAND_LONG"]  # that was for the autopilot alone
-        companion.setpoint()
-        companion.send(mavlink.MAVLink_statustext_message(4, b"companion: fence"))
-        heard = station.collect(0.5)
-        assert [m.text for m in heard if m.get_type() == "STATUSTEXT"] == ["companion: fence"]
-        assert not [m for m in heard if m.get_type() == "SET_ATTITUDE_TARGET"]
+    companion, station = clients(autopilot(quadrotor()), (Profile.ONBOARD, 191), (Profile.GROUND_STATION, 190))
+    companion.heartbeat()
+    station.heartbeat(mavlink.MAV_TYPE_GCS)
+    companion.wait("HEARTBEAT", lambda m: m.get_srcComponent() == 190)
+    place = (10, 1, 191, 1, 0x9F8, 1.0, 2.0, -3.0, *(0.0,) * 8)
+    station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148)
+    station.send(mavlink.MAVLink_set_position_target_local_ned_message(*place))
+    found = companion.collect(0.5)
+    steered = [m for m in found if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+    assert [(m.x, m.y, m.z, m.get_srcComponent()) for m in steered] == [(1.0, 2.0, -3.0, 190)]
+    assert not [m for m in found if m.get_type() == "COMMAND_LONG"]  # that was for the autopilot alone
+    companion.setpoint()
+    companion.send(mavlink.MAVLink_statustext_message(4, b"companion: fence"))
+    heard = station.collect(0.5)
+    assert [m.text for m in heard if m.get_type() == "STATUSTEXT"] == ["companion: fence"]
+    assert not [m for m in heard if m.get_type() == "SET_ATTITUDE_TARGET"]

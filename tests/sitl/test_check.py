@@ -6,16 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from harness.command import companion
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
 NOBODY = ("--link", "udpout://127.0.0.1:9", "--set", "link.connect_timeout_s=0.3")
-
-
-def companion(*arguments: object, cwd: Path = ROOT) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "companion", *map(str, arguments)]
-    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=cwd, timeout=250)
 
 
 def refused(*arguments: object, cwd: Path = ROOT) -> str:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import os
 import re
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from harness.command import companion
+from harness.ports import free_port
+from harness.processes import ROOT, finish
 
-ROOT = Path(__file__).resolve().parents[2]
 RIG = str(ROOT / "config" / "antx_rig.yaml")
 QUICK = ("--set", "link.connect_timeout_s=0.5")
 NO_VEHICLE = r"no heartbeat of vehicle 1/1 within 0\.5 s: check the link and vehicle\.system_id"
@@ -158,96 +157,75 @@ FILES = {
 }
 
 
-class Ended(NamedTuple):
-    """How a command ended, and what stood for the places in its case."""
-
-    code: int
-    out: str
-    err: str
-    places: dict[str, str]
-
-
-def run(arguments: tuple[str, ...], places: dict[str, str], folder: Path) -> Ended:
-    command = [sys.executable, "-m", "companion", *(argument.format(**places) for argument in arguments)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        command,
-        check=False,
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    return Ended(done.returncode, done.stdout, done.stderr, places)
-
-
-def free_port() -> str:
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as passing:
-        passing.bind(("127.0.0.1", 0))
-        return str(passing.getsockname()[1])
-
-
 @pytest.fixture(scope="module")
-def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[Ended]]]:
-    """All commands, some at a time; each test waits for its own."""
-    folder = tmp_path_factory.mktemp("cli")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the files are."""
+    made = tmp_path_factory.mktemp("cli")
     for name, text in FILES.items():
-        (folder / name).write_text(text)
-    with (
-        closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as taken,
-        ThreadPoolExecutor(max_workers=3) as pool,
-    ):
+        (made / name).write_text(text)
+    return made
+
+
+@pytest.fixture
+def places() -> Iterator[dict[str, str]]:
+    """What stands for the places in a case."""
+    ours, theirs = os.openpty()
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as taken:
         taken.bind(("127.0.0.1", 0))
-        terminals = []
-        futures = {}
-        for name, case in CASES.items():
-            ours, theirs = os.openpty()
-            terminals += [ours, theirs]
-            places = {"busy": str(taken.getsockname()[1]), "free": free_port(), "tty": os.ttyname(theirs)}
-            futures[name] = pool.submit(run, case.arguments, places, folder)
-        yield futures
-        pool.shutdown(cancel_futures=True)
-        for descriptor in terminals:
-            os.close(descriptor)
+        yield {"busy": str(taken.getsockname()[1]), "free": str(free_port()), "tty": os.ttyname(theirs)}
+    os.close(ours)
+    os.close(theirs)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_one_clear_line_and_exit_code_2(name: str, commands: dict[str, Future[Ended]]) -> None:
-    ended = commands[name].result()
-    assert "Traceback" not in ended.out + ended.err
-    assert ended.code == 2
-    lines = ended.err.splitlines()
-    assert len(lines) == 1, ended.err
-    pattern = CASES[name].line
-    for place, value in ended.places.items():
+def check_line(case: Case, places: dict[str, str], code: int, err: str) -> None:
+    assert code == 2
+    pattern = case.line
+    for place, value in places.items():
         pattern = pattern.replace(f"{{{place}}}", value)
-    (line,) = lines
+    (line,) = err.splitlines()
     assert re.match(pattern, line), line
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_one_clear_line_and_exit_code_2(name: str, folder: Path, places: dict[str, str]) -> None:
+    case = CASES[name]
+    ended = companion(*(argument.format(**places) for argument in case.arguments), cwd=folder)
+    check_line(case, places, ended.returncode, ended.stderr)
+
+
+@pytest.mark.parametrize("name", ["no command", "missing file", "unknown key", "no vehicle calls"])
+def test_a_process_of_its_own_says_the_same(name: str, folder: Path, places: dict[str, str]) -> None:
+    case = CASES[name]
+    ended = finish(*(argument.format(**places) for argument in case.arguments), cwd=folder)
+    check_line(case, places, ended.returncode, ended.stderr)
+    assert "Traceback" not in ended.stdout
+
+
 def test_a_refused_flight_leaves_its_folder(tmp_path: Path) -> None:
-    arguments = ("run", RIG, "--link", "udpout://127.0.0.1:{free}", *QUICK, "--out", "log")
-    ended = run(arguments, {"free": free_port()}, tmp_path)
-    assert ended.code == 2
+    ended = companion("run", RIG, "--link", f"udpout://127.0.0.1:{free_port()}", *QUICK, "--out", "log", cwd=tmp_path)
+    assert ended.returncode == 2
     (flight,) = (tmp_path / "log").iterdir()
     assert {path.name for path in flight.iterdir()} == {"config.yaml", "traffic.tlog", "flight.mcap"}
-    assert str(flight.relative_to(tmp_path)) in ended.out
+
+
+def test_what_run_prints_names_the_folder(tmp_path: Path) -> None:
+    ended = finish("run", RIG, "--link", f"udpout://127.0.0.1:{free_port()}", *QUICK, "--out", "log", cwd=tmp_path)
+    (flight,) = (tmp_path / "log").iterdir()
+    assert str(flight.relative_to(tmp_path)) in ended.stdout
 
 
 def test_help_and_version_are_no_errors(tmp_path: Path) -> None:
     for arguments in (("--help",), ("--version",)):
-        ended = run(arguments, {}, tmp_path)
-        assert (ended.code, ended.err) == (0, "")
-        assert "companion" in ended.out
+        ended = companion(*arguments, cwd=tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "companion" in ended.stdout
 
 
 def test_an_experiment_on_a_full_disk_ends_without_a_traceback(tmp_path: Path) -> None:
     (tmp_path / "out" / "hedged").mkdir(parents=True)
     (tmp_path / "out" / "hedged" / "flight.mcap").symlink_to("/dev/full")
     short = ("--set", "mission.duration_s=0.5", "--set", "mission.waypoints=[]")
-    ended = run(("sitl", "--hedging", *short, "--out", "out"), {}, tmp_path)
-    assert ended.code != 0
-    assert "No space left on device" in ended.err
-    assert "Traceback" not in ended.out + ended.err
+    ended = finish("sitl", "--hedging", *short, "--out", "out", cwd=tmp_path)
+    assert ended.returncode != 0
+    assert "No space left on device" in ended.stderr
+    assert "Traceback" not in ended.stdout + ended.stderr

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import lzma
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from harness.command import companion
 
 from companion.certify import proof
 from companion.certify.from_config import certificate_path, problem
@@ -20,13 +19,6 @@ ROOT = Path(__file__).resolve().parents[2]
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
 LOG = "px4_sih_attitude_p4.ulg"
 FULL = ROOT.parent / "shared" / "data" / LOG
-
-
-def companion(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "companion", *map(str, arguments)]
-    return subprocess.run(
-        command, check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT, timeout=200
-    )
 
 
 class Designed(NamedTuple):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from running_plant import PATIENT
+from harness.processes import PATIENT
 
 from companion.cli import main
 from companion.config import load_config

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
+from harness.processes import PATIENCE_S, ROOT, end_of, eventually, line_with, plant
 from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, System
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.info import Info
@@ -17,7 +14,6 @@ from mavsdk.plugins.offboard import Attitude, Offboard
 from mavsdk.plugins.param import Param, ParamError
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
-ROOT = Path(__file__).resolve().parents[2]
 TAKEOFF_M = 1.5
 
 
@@ -25,13 +21,12 @@ TAKEOFF_M = 1.5
 def plant_port() -> Iterator[int]:
     """`companion sitl --serve` with the paper's quadrotor, quick to take off and to land."""
     quick = "{COM_SPOOLUP_TIME: 0.2, MPC_TKO_RAMP_T: 0.5, COM_DISARM_LAND: 0.5, NAV_MC_ALT_RAD: 0.3}"
-    command = [sys.executable, "-u", "-m", "companion", "sitl", str(ROOT / "config" / "paper_quadrotor.yaml")]
-    command += ["--serve", "--port", "0", "--set", f"plant.parameters={quick}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
-        assert process.stdout is not None
-        yield int(process.stdout.readline().rsplit(maxsplit=1)[-1])
+    settings = ("--port", 0, "--set", f"plant.parameters={quick}")
+    with plant(*settings, config=ROOT / "config" / "paper_quadrotor.yaml") as process:
+        yield int(line_with(process, "udp port").rsplit(maxsplit=1)[-1])
         process.send_signal(signal.SIGTERM)
-        assert process.wait(5.0) == 0, "SIGTERM must end the plant in good order"
+        end_of(process)
+        assert process.returncode == 0, "SIGTERM must end the plant in good order"
 
 
 @pytest.fixture
@@ -39,22 +34,14 @@ def system(plant_port: int) -> Iterator[System]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     try:
         assert mavsdk.add_any_connection(f"udpout://127.0.0.1:{plant_port}") is ConnectionResult.SUCCESS
-        found = mavsdk.first_autopilot(10.0)
+        found = mavsdk.first_autopilot(PATIENCE_S)
         assert found is not None
         yield found
     finally:
         mavsdk.destroy()
 
 
-def eventually(condition: Callable[[], bool], timeout_s: float = 8.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return condition()
-
-
+@pytest.mark.realtime
 def test_fly_with_mavsdk(system: System) -> None:
     telemetry, action, param, offboard = Telemetry(system), Action(system), Param(system), Offboard(system)
 

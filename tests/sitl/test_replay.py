@@ -1,4 +1,4 @@
-"""Recordings of a real PX4 replayed at the flight process over a socket: what it must notice, follow and leave alone.
+"""Recordings of a real PX4 replayed at the flight process, in memory: what it must notice, follow and leave alone.
 
 The recorded vehicle does not obey, so the guards on how it flies are off; those on what it says of itself are at their
 defaults. Until the process is at stand-by the vehicle is said to be in Hold, then in the mode that was recorded.
@@ -6,18 +6,20 @@ defaults. Until the process is at stand-by the vehicle is said to be in Hold, th
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
-import socket
 import struct
-import threading
 import time
+from collections import deque
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from harness.fake_autopilot import FakeAutopilot
+from harness.virtual_flight import RECEIVE_S
+from harness.virtual_time import VirtualTime, virtual_time
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
@@ -27,8 +29,7 @@ from companion.control.attitude import thrust_direction
 from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Status, Summary
 from companion.flight.process import FlightProcess
-from companion.mavlink.codec import FrameParser, Layout
-from companion.mavlink.link import open_link
+from companion.mavlink.codec import Layout
 from companion.mavlink.px4 import Mode
 from companion.record.folder import open_folder
 from companion.record.reader import read_flight
@@ -39,7 +40,6 @@ ROOT = HERE.parents[1]
 FULL = ROOT.parent / "shared" / "data"
 CONFIG = ROOT / "config" / "px4_quadrotor.yaml"
 ODOMETRY, HEARTBEAT, CURRENT_MODE = Layout("ODOMETRY"), Layout("HEARTBEAT"), Layout("CURRENT_MODE")
-SETPOINT = Layout("SET_ATTITUDE_TARGET")
 HOW_IT_FLIES = [guard.key for reason, guard in GUARDS.items() if reason.group is Group.FLIGHT]
 SETTINGS = (
     "tick.rate_hz=25",
@@ -76,122 +76,118 @@ def frames(path: Path, begin_s: float, end_s: float) -> list[tuple[float, bytes]
     return found
 
 
-class Vehicle(threading.Thread):
-    """Plays a recording: in lockstep as fast as its ODOMETRY is answered, or in the time that was recorded."""
+class Vehicle(FakeAutopilot):
+    """Plays a recording: in lockstep as fast as its ODOMETRY is answered, or in the time that was recorded.
+
+    It is the link, too: while the process waits for bytes, the recording goes on. Implements
+    `companion.mavlink.link.Link`.
+    """
+
+    stream = False
+    name = "recording"
 
     def __init__(self, recording: list[tuple[float, bytes]], *, lockstep: bool, forced: bool = True) -> None:
-        super().__init__(daemon=True)
+        super().__init__()
+        self.switches = False
         self.recording = recording
         self.lockstep = lockstep
         self.forced = forced  # the mode, until the process is at stand-by
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(0.0 if not lockstep else 0.05)
-        self.port = self.socket.getsockname()[1]
-        self.mav = mavlink.MAVLink(None, 1, 1)
-        self.parser = FrameParser()
-        self.peer: Any = None
+        self.clock = VirtualTime()  # where it is not in lockstep
         self.process: FlightProcess | None = None
         self.state = State.CONNECTING
         self.states: list[tuple[float, State]] = []
         self.asked: list[Mode | int] = []
-        self.obeyed: int | None = None
-        self.setpoints: list[Sent] = []
+        self.sent: list[Sent] = []
         self.at_s = 0.0
-        self.over = False
+        self._coming: deque[bytes] = deque()
+        self._next = 0
+        self._began_s: float | None = None
+        self._unanswered_ms: int | None = None
 
     def on_status(self, status: Status) -> None:
         if status.state is not self.state:
             self.state = status.state
             self.states.append((self.at_s, status.state))
 
-    def run(self) -> None:
-        while self.peer is None and not self.over:
-            self.listen()
-            time.sleep(0.005)
-        for _ in range(3):
-            self.beat(Mode.HOLD if self.forced else self.mode_at(self.recording[0][0]))
-        began_s, first_s = time.monotonic(), self.recording[0][0]
-        for at_s, raw in self.recording:
-            if self.over:
-                break
-            self.at_s = at_s
-            while not self.lockstep and time.monotonic() - began_s < at_s - first_s:
-                self.listen()
-                time.sleep(0.001)
-            self.play(raw)
-        if self.process is not None and not self.over:
-            self.process.stop()
-        while not self.over:
-            self.listen()
-            time.sleep(0.005)
+    # -- the link -----------------------------------------------------------------------------------------------------
 
-    def mode_at(self, at_s: float) -> int:
+    def receive(self) -> bytes:
+        if self._coming:
+            return self._coming.popleft()
+        if not self.heard:
+            return self._nothing()
+        first_s = self.recording[0][0]
+        if self._began_s is None:
+            self._began_s = self.clock.now_s
+            self.mode = int(Mode.HOLD) if self.forced else self._mode_at(first_s)
+            self._coming.extend(self.pack(self.heartbeat()) for _ in range(3))
+        if self._next == len(self.recording):
+            assert self.process is not None
+            self.process.stop()
+            return self._nothing()
+        at_s, raw = self.recording[self._next]
+        due_s = self._began_s + at_s - first_s
+        if not self.lockstep and due_s > self.clock.now_s + RECEIVE_S:
+            return self._nothing()
+        assert self._unanswered_ms is None, "the process does not answer"
+        self.clock.now_s = max(self.clock.now_s, due_s)
+        self.at_s = at_s
+        self._next += 1
+        self._play(raw)
+        return self._coming.popleft()
+
+    def send(self, data: bytes) -> None:
+        self.hear(data)
+        self._coming.extend(map(self.pack, self.answers))
+        self.answers.clear()
+
+    def lock(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def _nothing(self) -> bytes:
+        if self.lockstep:
+            time.sleep(1e-3)  # before the first sample the process goes by the wall clock
+        self.clock.now_s += RECEIVE_S
+        return b""
+
+    # -- the vehicle --------------------------------------------------------------------------------------------------
+
+    def _mode_at(self, at_s: float) -> int:
         modes = [(t, CURRENT_MODE.unpack(raw[10:-2])) for t, raw in self.recording if raw[7:10] == b"\xb4\x01\x00"]
         return int(next((m[0] for t, m in reversed(modes) if t <= at_s), modes[0][1][0]))
 
-    def play(self, raw: bytes) -> None:
+    def _play(self, raw: bytes) -> None:
         number = int.from_bytes(raw[7:10], "little")
-        holding = self.obeyed
-        if self.forced and self.state in (State.CONNECTING, State.CHECKING):
-            holding = Mode.HOLD
-        if number == HEARTBEAT.message_id and holding is not None:
-            self.beat(holding)
-        elif number == CURRENT_MODE.message_id and holding is not None:
-            self.send(mavlink.MAVLink_current_mode_message(0, holding, holding))
-        else:
-            self.socket.sendto(raw, self.peer)
-        if number == ODOMETRY.message_id:
-            sample_ms = ODOMETRY.unpack(raw[10:-2])[0] // 1000 & 0xFFFFFFFF
-            self.listen()
-            until_s = time.monotonic() + 5.0
-            while self.lockstep and not self.over and (not self.setpoints or self.setpoints[-1].sample_ms != sample_ms):
-                assert time.monotonic() < until_s, "the process does not answer"
-                self.listen()
+        holding = bool(self.asked) or (self.forced and self.state in (State.CONNECTING, State.CHECKING))
+        if number == HEARTBEAT.message_id and holding:
+            raw = self.pack(self.heartbeat())
+        elif number == CURRENT_MODE.message_id and holding:
+            raw = self.pack(self.current_mode())
+        elif number == ODOMETRY.message_id and self.lockstep:
+            self._unanswered_ms = ODOMETRY.unpack(raw[10:-2])[0] // 1000 & 0xFFFFFFFF
+        self._coming.append(raw)
 
-    def beat(self, mode: int) -> None:
-        armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        self.send(mavlink.MAVLink_heartbeat_message(2, 12, armed, int(mode), mavlink.MAV_STATE_ACTIVE, 3))
-
-    def send(self, message: Any) -> None:
-        self.socket.sendto(message.pack(self.mav), self.peer)
-
-    def listen(self) -> None:
-        try:
-            while True:
-                data, self.peer = self.socket.recvfrom(2048)
-                for frame in self.parser.feed(data):
-                    self.hear(frame.message_id, frame.payload)
-                if self.lockstep:
-                    return
-        except (BlockingIOError, TimeoutError):
-            pass
-
-    def hear(self, number: int, payload: bytes) -> None:
-        if number == SETPOINT.message_id:
-            v = SETPOINT.unpack(payload)
-            self.setpoints.append(Sent(self.at_s, v[0], v[1:5], v[8]))
-        elif number == mavlink.MAVLINK_MSG_ID_COMMAND_LONG:
-            v = Layout("COMMAND_LONG").named(payload)
-            if v["command"] == mavlink.MAV_CMD_DO_SET_MODE:
-                self.obeyed = int(v["param2"]) << 16 | int(v["param3"]) << 24
-                self.asked.append(self.obeyed)
-                self.send(mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0))
-                self.send(mavlink.MAVLink_current_mode_message(0, self.obeyed, self.obeyed))
+    def react(self, message: Any) -> None:
+        super().react(message)
+        if message.get_type() == "SET_ATTITUDE_TARGET":
+            self.sent.append(Sent(self.at_s, message.time_boot_ms, tuple(message.q), message.thrust))
+            if message.time_boot_ms == self._unanswered_ms:
+                self._unanswered_ms = None
+        elif message.get_type() == "COMMAND_LONG" and message.command == mavlink.MAV_CMD_DO_SET_MODE:
+            self.asked.append(self.mode)
+            self.answers.append(self.current_mode())
 
 
 def replay(vehicle: Vehicle, folder: Path, *settings: str) -> Summary:
     config = load_config(CONFIG, (*SETTINGS, *settings))
-    with closing(vehicle.socket), closing(open_link(f"udpout://127.0.0.1:{vehicle.port}")) as link:
-        recorder = open_folder(folder / "flight", CONFIG, config, blocking=False)
-        process = FlightProcess(config, link, recorder, lockstep=vehicle.lockstep, on_status=vehicle.on_status)
+    recorder = open_folder(folder / "flight", CONFIG, config, blocking=True, direct=True)
+    with contextlib.nullcontext() if vehicle.lockstep else virtual_time(vehicle.clock):
+        process = FlightProcess(config, vehicle, recorder, lockstep=vehicle.lockstep, on_status=vehicle.on_status)
         vehicle.process = process
-        vehicle.start()
         try:
             return process.run()
         finally:
-            vehicle.over = True
-            vehicle.join()
             recorder.close()
 
 
@@ -276,7 +272,7 @@ def test_the_failsafe_of_the_recording_ends_control_without_a_fight(tmp_path: Pa
     assert "failsafe" in summary.detail
     assert "RETURN" in summary.detail
     assert vehicle.asked == []
-    assert vehicle.setpoints[-1].at_s < 26.6  # the mode changed at 26.53
+    assert vehicle.sent[-1].at_s < 26.6  # the mode changed at 26.53
 
 
 def test_come_up_in_a_failsafe_it_stays_silent_through_offboard_until_a_mode_is_chosen(tmp_path: Path) -> None:
@@ -288,6 +284,6 @@ def test_come_up_in_a_failsafe_it_stays_silent_through_offboard_until_a_mode_is_
     assert vehicle.asked == []
     standby_s = next(at_s for at_s, state in vehicle.states if state is State.STANDBY)
     assert standby_s < 30.0
-    assert vehicle.setpoints, "free again, it offers its stream"
-    assert vehicle.setpoints[0].at_s > 31.0
+    assert vehicle.sent, "free again, it offers its stream"
+    assert vehicle.sent[0].at_s > 31.0
     assert any("hands off" in event.detail for event in read_flight(tmp_path / "flight").events)

@@ -1,11 +1,10 @@
 """`companion sitl --scenarios`: a handful of them flown as a user flies them, and what is said when one fails."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from harness.command import companion
 
 from companion.record.reader import read_flight
 
@@ -13,19 +12,12 @@ ROOT = Path(__file__).resolve().parents[2]
 HANDFUL = ["link_bad", "reset_small", "pilot_position", "px4_refuses_hold", "turbulence"]
 
 
-def companion(*arguments: str | Path, cwd: Path, timeout_s: float = 120.0) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "companion", "sitl", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=timeout_s, check=False, env={"PYTHONPATH": str(ROOT)}
-    )
-
-
 @pytest.fixture(scope="module")
 def twice(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The handful, flown two times, each with its own folder."""
     folders = [tmp_path_factory.mktemp(name) for name in ("first", "second")]
     for folder in folders:
-        done = companion("--scenarios", *HANDFUL, "--json", "--out", folder, cwd=folder)
+        done = companion("sitl", "--scenarios", *HANDFUL, "--json", "--out", folder, cwd=folder)
         assert done.returncode == 0, done.stdout + done.stderr
         (folder / "report.json").write_text(done.stdout)
     return folders
@@ -52,7 +44,9 @@ def test_the_same_seed_is_the_same_flight(twice: list[Path]) -> None:
 
 
 def test_a_failed_scenario_is_exit_1_and_leaves_its_flight(tmp_path: Path) -> None:
-    done = companion("--scenarios", "fence", "free_flight", "--set", "guards.fence={enabled: false}", cwd=tmp_path)
+    done = companion(
+        "sitl", "--scenarios", "fence", "free_flight", "--set", "guards.fence={enabled: false}", cwd=tmp_path
+    )
     assert done.returncode == 1, done.stderr
     assert "ended for mission_complete" in " ".join(done.stdout.split())
     assert "1 of 2 scenarios passed" in done.stdout
@@ -69,7 +63,7 @@ def test_a_failed_scenario_is_exit_1_and_leaves_its_flight(tmp_path: Path) -> No
     ],
 )
 def test_what_cannot_be_flown_is_one_line(arguments: list[str], complaint: str, tmp_path: Path) -> None:
-    done = companion(*arguments, cwd=tmp_path)
+    done = companion("sitl", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     assert complaint in done.stderr
@@ -86,7 +80,7 @@ def test_a_configured_bad_link_is_flown_in_lockstep_too(tmp_path: Path) -> None:
     ]  # fmt: skip
     reports = []
     for name in ("a", "b"):
-        done = companion(*arguments, "--out", tmp_path / name, cwd=tmp_path)
+        done = companion("sitl", *arguments, "--out", tmp_path / name, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         reports.append(json.loads(done.stdout)["controllers"])
     assert reports[0] == reports[1]

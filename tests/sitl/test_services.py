@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import random
-import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from harness import processes
+from harness.ports import free_port
+from harness.processes import finish
+from harness.running_plant import RunningPlant, autopilot, quadrotor
 from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from pymavlink.dialects.v20 import development as mavlink
-from running_plant import RunningPlant, autopilot, quadrotor
 
 from companion.config import load_config
 from companion.mavlink import ulog
@@ -29,8 +28,7 @@ from companion.mavlink.services import Attachment, Firmware, Services
 from sitl.messages.log_download import LogFile, synthetic_log
 from sitl.wire.ports import UdpEndpoint
 
-ROOT = Path(__file__).resolve().parents[2]
-QUADROTOR = ROOT / "config" / "paper_quadrotor.yaml"
+QUADROTOR = processes.ROOT / "config" / "paper_quadrotor.yaml"
 LOGS = [
     synthetic_log(5_000, 1, time_utc_s=1_700_000_000),
     synthetic_log(60_000, 2, time_utc_s=1_700_000_900),  # the newest is not the last of the directory
@@ -40,11 +38,8 @@ NEWEST = LOGS[1]
 
 
 @pytest.fixture
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
+def port() -> int:
+    return free_port()
 
 
 @pytest.fixture
@@ -53,16 +48,16 @@ def logs() -> list[LogFile]:
 
 
 @pytest.fixture
-def plant(free_port: int, logs: list[LogFile]) -> Iterator[RunningPlant]:
+def plant(port: int, logs: list[LogFile]) -> Iterator[RunningPlant]:
     """A plant that calls one port, as PX4 calls 14540, so that one tool after the other can use it."""
     pilot = autopilot(quadrotor(), COM_RCL_EXCEPT=-1, MC_ROLL_P=3.25)
-    with RunningPlant(pilot, endpoints=[UdpEndpoint(0, free_port)], logs=logs) as running:
+    with RunningPlant(pilot, endpoints=[UdpEndpoint(0, port)], logs=logs) as running:
         yield running
 
 
 @pytest.fixture
-def url(free_port: int) -> str:
-    return f"udpin://127.0.0.1:{free_port}"
+def url(port: int) -> str:
+    return f"udpin://127.0.0.1:{port}"
 
 
 @pytest.fixture
@@ -71,11 +66,6 @@ def client(plant: RunningPlant, url: str) -> Iterator[Client]:
     opened.connect()
     yield opened
     opened.close()
-
-
-def companion(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "companion", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False, cwd=ROOT)
 
 
 # --- mavsdk on our link ---------------------------------------------------------------------------------------------
@@ -145,7 +135,7 @@ def test_mavsdk_itself_can_fetch_a_log(client: Client, tmp_path: Path) -> None:
                 ended.set()
 
         log_files.download_log_file_async(entries[1], str(path), on_progress)
-        assert ended.wait(20.0)
+        assert ended.wait(processes.PATIENCE_S)
     assert results[-1] is LogFilesResult.SUCCESS
     assert path.read_bytes() == NEWEST.data
 
@@ -162,25 +152,12 @@ def test_a_vehicle_that_is_not_there(url: str) -> None:
 # --- companion vehicle ----------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def served(*settings: str) -> Iterator[str]:
-    """`companion sitl --serve`, and where it is."""
-    command = [sys.executable, "-u", "-m", "companion", "sitl", str(QUADROTOR), "--serve", "--port", "0"]
-    for setting in settings:
-        command += ["--set", setting]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
-        try:
-            assert process.stdout is not None
-            yield f"udpout://127.0.0.1:{process.stdout.readline().rsplit(maxsplit=1)[-1]}"
-        finally:
-            process.terminate()
-
-
 def asked(plant_settings: tuple[str, ...], *settings: str) -> tuple[int, dict[str, Any]]:
     """Exit code and answer of `companion vehicle --json`."""
     options = [part for setting in settings for part in ("--set", setting)]
-    with served(*plant_settings) as url:
-        done = companion("vehicle", str(QUADROTOR), "--link", url, "--json", *options)
+    given = [part for setting in plant_settings for part in ("--set", setting)]
+    with processes.served(*given, config=QUADROTOR) as port:
+        done = finish("vehicle", QUADROTOR, "--link", f"udpout://127.0.0.1:{port}", "--json", *options)
     return done.returncode, json.loads(done.stdout)
 
 
@@ -209,15 +186,15 @@ def test_a_changed_gain_and_a_deadly_setting_are_named() -> None:
 
 def test_list_newest_fetch_and_not_twice(plant: RunningPlant, url: str, tmp_path: Path) -> None:
     out = ("--link", url, "--out", str(tmp_path))
-    listed = companion("logs", str(QUADROTOR), *out, "--list")
+    listed = finish("logs", str(QUADROTOR), *out, "--list")
     assert listed.returncode == 0
     assert all(text in listed.stdout for text in ("60000", "2023-11-14 22:28:20", "no"))
-    latest = companion("logs", str(QUADROTOR), *out, "--latest")
+    latest = finish("logs", str(QUADROTOR), *out, "--latest")
     path = tmp_path / "2023-11-14_22-28-20_60000.ulg"
     assert (latest.returncode, path.read_bytes()) == (0, NEWEST.data)
     assert "whole, 60000 bytes" in latest.stdout
     stamp = path.stat().st_mtime_ns
-    every = companion("logs", str(QUADROTOR), *out)
+    every = finish("logs", str(QUADROTOR), *out)
     assert every.returncode == 0
     assert sorted(p.stat().st_size for p in tmp_path.iterdir()) == [3_000, 5_000, 60_000]
     assert path.stat().st_mtime_ns == stamp, "what is here is not fetched again"
@@ -225,14 +202,14 @@ def test_list_newest_fetch_and_not_twice(plant: RunningPlant, url: str, tmp_path
 
 @pytest.mark.parametrize("logs", [[]])
 def test_no_logs(plant: RunningPlant, url: str) -> None:
-    done = companion("logs", str(QUADROTOR), "--link", url)
+    done = finish("logs", str(QUADROTOR), "--link", url)
     assert done.returncode == 1
     assert "no logs" in done.stdout
 
 
 @pytest.mark.parametrize("logs", [[LogFile(b"ULog\x01\x12\x35" + bytes(3000), 1_700_000_000)]])
 def test_a_broken_log_is_fetched_and_told_of(plant: RunningPlant, url: str, tmp_path: Path) -> None:
-    done = companion("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path))
+    done = finish("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path))
     assert done.returncode == 1
     assert "broken at byte" in done.stdout
     assert [path.stat().st_size for path in tmp_path.iterdir()] == [3007]
@@ -240,7 +217,7 @@ def test_a_broken_log_is_fetched_and_told_of(plant: RunningPlant, url: str, tmp_
 
 def test_a_folder_that_cannot_be_written(plant: RunningPlant, url: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    done = companion("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path / "file"))
+    done = finish("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path / "file"))
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "Traceback" not in done.stderr
@@ -297,8 +274,7 @@ def test_a_broken_download_is_continued(plant: RunningPlant, url: str, tmp_path:
     assert 10_000 < got < 31_000
     assert part.read_bytes() == NEWEST.data[:got], "as far as it goes, it is right"
     assert (
-        f"{got / 60_000:.0%}"
-        in companion("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path), "--list").stdout
+        f"{got / 60_000:.0%}" in finish("logs", str(QUADROTOR), "--link", url, "--out", str(tmp_path), "--list").stdout
     )
 
     second = Client(load_config(QUADROTOR), url)

@@ -14,7 +14,7 @@ from companion.attitude_response.kind import Kind, LinearResponse, ParametricKin
 from companion.attitude_response.kinds import KINDS, MODELS
 from companion.attitude_response.simulation import respond
 from companion.config.attitude import ResponseSection
-from companion.config.plant import Angle
+from companion.config.vehicles import Angle
 
 PARAMETRIC = [kind for kind in KINDS if issubclass(kind, ParametricKind)]
 of_each_kind = pytest.mark.parametrize("kind", PARAMETRIC, ids=lambda kind: kind.name)

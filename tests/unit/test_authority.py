@@ -5,7 +5,6 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.guards.declaration import Group
 from companion.flight.authority.states import (
-    BY_STICKS,
     ORDINARY,
     TAKEN,
     Known,
@@ -13,13 +12,13 @@ from companion.flight.authority.states import (
     State,
     advance,
     hands_off,
-    killed,
 )
+from companion.flight.vehicle_link.modes import BY_STICKS, killed
 from companion.mavlink.px4 import Mode
 
 OFFBOARD, HOLD, RETURN = int(Mode.OFFBOARD), int(Mode.HOLD), int(Mode.RETURN)
-NOTHING = Known(connected=False, checked=False, mode=0, armed=False, fault=None)
-FLYING = Known(connected=True, checked=True, mode=OFFBOARD, armed=True, fault=None)
+NOTHING = Known(connected=False, checked=False, offboard=False, armed=False, fault=None)
+FLYING = Known(connected=True, checked=True, offboard=True, armed=True, fault=None)
 KILLED = FLYING._replace(killed=True)
 
 
@@ -34,18 +33,18 @@ KILLED = FLYING._replace(killed=True)
         (State.CHECKING, FLYING._replace(hands_off=True), State.STANDBY, None),
         (State.CHECKING, FLYING._replace(fault=Reason.RATE_TOO_LOW), State.RELEASED, Reason.RATE_TOO_LOW),
         (State.STANDBY, FLYING._replace(armed=False), State.STANDBY, None),
-        (State.STANDBY, FLYING._replace(mode=HOLD), State.STANDBY, None),
+        (State.STANDBY, FLYING._replace(offboard=False), State.STANDBY, None),
         (State.STANDBY, FLYING, State.ENGAGED, None),
         (State.STANDBY, KILLED, State.STANDBY, None),
         (State.STANDBY, FLYING._replace(hands_off=True), State.STANDBY, None),
         (State.STANDBY, FLYING._replace(fault=Reason.POSE_STALE), State.RELEASED, Reason.POSE_STALE),
         (State.ENGAGED, FLYING, State.ENGAGED, None),
-        (State.ENGAGED, FLYING._replace(mode=HOLD), State.RELEASED, Reason.MODE_CHANGED),
+        (State.ENGAGED, FLYING._replace(offboard=False), State.RELEASED, Reason.MODE_CHANGED),
         (State.ENGAGED, FLYING._replace(armed=False), State.RELEASED, Reason.DISARMED),
         (State.ENGAGED, KILLED, State.RELEASED, Reason.KILLED),
-        (State.ENGAGED, KILLED._replace(mode=HOLD, armed=False, fault=Reason.TILT), State.RELEASED, Reason.KILLED),
+        (State.ENGAGED, KILLED._replace(offboard=False, armed=False, fault=Reason.TILT), State.RELEASED, Reason.KILLED),
         (State.ENGAGED, FLYING._replace(fault=Reason.POSE_STALE), State.RELEASED, Reason.POSE_STALE),
-        (State.ENGAGED, FLYING._replace(mode=HOLD, fault=Reason.POSE_STALE), State.RELEASED, Reason.MODE_CHANGED),
+        (State.ENGAGED, FLYING._replace(offboard=False, fault=Reason.POSE_STALE), State.RELEASED, Reason.MODE_CHANGED),
         (State.ENGAGED, FLYING._replace(armed=False, fault=Reason.OPERATOR), State.RELEASED, Reason.DISARMED),
         (State.RELEASED, FLYING, State.RELEASED, None),
         (State.RELEASED, FLYING._replace(fault=Reason.OPERATOR), State.RELEASED, None),
@@ -58,7 +57,7 @@ def test_transitions(state: State, known: Known, expected: State, reason: Reason
 @pytest.mark.parametrize("fault", Reason)
 def test_every_fault_ends_control_and_none_goes_before_the_pilot(fault: Reason) -> None:
     assert advance(State.ENGAGED, FLYING._replace(fault=fault)) == (State.RELEASED, fault)
-    for pilot, reason in (({"mode": HOLD}, Reason.MODE_CHANGED), ({"armed": False}, Reason.DISARMED)):
+    for pilot, reason in (({"offboard": False}, Reason.MODE_CHANGED), ({"armed": False}, Reason.DISARMED)):
         assert advance(State.ENGAGED, FLYING._replace(fault=fault, **pilot)) == (State.RELEASED, reason)
 
 
@@ -87,7 +86,8 @@ def test_every_fault_ends_control_and_none_goes_before_the_pilot(fault: Reason) 
 def test_hands_off_what_flew_offboard_before_us(
     before: bool | None, mode: int, intended: int | None, armed: bool, expected: bool | None
 ) -> None:
-    assert hands_off(before, mode, intended, armed=armed) is expected
+    wanted = None if intended is None else intended == OFFBOARD
+    assert hands_off(before, mode == OFFBOARD, wanted, armed=armed) is expected
 
 
 def test_only_sticks_tell_a_pilot_from_a_failsafe() -> None:

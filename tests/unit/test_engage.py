@@ -3,6 +3,7 @@
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.flight.readiness.engage import Engagement, Seen, plan
+from companion.flight.vehicle_link.requests import Arm
 from companion.mavlink.px4 import Mode, Result
 
 ARM, SET_MODE = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE
@@ -13,18 +14,19 @@ class Vehicle:
     """Walks an engagement along; keeps (time, command, mode asked for)."""
 
     def __init__(self, *, can_fly: bool = True) -> None:
-        self.engagement = Engagement(plan(1, 1, can_fly=can_fly))
+        self.engagement = Engagement(plan(can_fly=can_fly))
         self.asked: list[tuple[float, int, int]] = []
         self.failed: str | None = None
 
     def see(self, now_s: float, seen: Seen) -> None:
-        message, failed = self.engagement.advance(now_s, seen)
+        request, failed = self.engagement.advance(now_s, seen)
         self.failed = self.failed or failed
-        if message is not None:
-            self.asked.append((now_s, message.command, int(message.param2) << 16 | int(message.param3) << 24))
+        if request is not None:
+            asked = (ARM, 0) if isinstance(request, Arm) else (SET_MODE, int(request.mode))
+            self.asked.append((now_s, *asked))
 
     def accept(self, command: int) -> None:
-        self.engagement.acknowledged(command, Result.ACCEPTED)
+        self.engagement.on_answer(command, Result.ACCEPTED)
 
 
 def up_to_hover() -> Vehicle:
@@ -72,7 +74,7 @@ def test_a_refusal_is_told_by_its_last_answer() -> None:
     vehicle = Vehicle()
     vehicle.see(0.0, GROUND)
     vehicle.accept(ARM)
-    vehicle.engagement.acknowledged(ARM, Result.TEMPORARILY_REJECTED)
+    vehicle.engagement.on_answer(ARM, Result.TEMPORARILY_REJECTED)
     vehicle.see(6.0, GROUND)
     assert vehicle.failed == "arm within 5 s: temporarily_rejected"
 
@@ -118,7 +120,7 @@ def test_the_mode_in_which_it_began_is_an_override_once_it_has_left_it() -> None
 def test_a_pilot_who_takes_it_back_while_offboard_is_asked_for_keeps_it() -> None:
     vehicle = up_to_hover()
     vehicle.see(5.0, Seen(Mode.HOLD, True, 0.1, 1.0))
-    vehicle.engagement.acknowledged(SET_MODE, Result.TEMPORARILY_REJECTED)
+    vehicle.engagement.on_answer(SET_MODE, Result.TEMPORARILY_REJECTED)
     vehicle.see(5.1, Seen(Mode.POSITION, True, 0.1, 1.0))
     assert vehicle.failed == "change to OFFBOARD: somebody chose another mode"
     assert len(vehicle.asked) == 3

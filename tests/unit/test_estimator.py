@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.control.types import Odometry
 from companion.flight.guards import estimator
 from companion.flight.guards.estimator import Consistency, consistency
-from companion.flight.vehicle_link.estimator_status import missing_flags
+from companion.flight.vehicle_link.estimator_health import missing_flags
 
 GOOD = 0b1101111111  # what a PX4 with GPS says in flight
 AT_REST = Odometry(10.0, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

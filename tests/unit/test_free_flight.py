@@ -20,7 +20,7 @@ from companion.certify.certificate import certify
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.statement import statement
 from companion.config import Config, load_config
-from companion.config.plant import Angle
+from companion.config.vehicles import Angle
 from companion.control.types import GRAVITY_M_S2, Odometry, PositionSetpoint
 from companion.flight.pilot.pilot import Pilot
 from sitl.vehicles import quadrotor

@@ -14,7 +14,7 @@ from companion.flight.guards.measures import PERIOD_S, Told
 from companion.flight.guards.table import WATCHED
 from companion.flight.guards.watch import Watch
 from companion.flight.pilot.pilot import Pilot
-from companion.flight.vehicle_link.estimator_status import EstimatorStatus
+from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 HOVER = Odometry(10.0, 4.0, -2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -137,7 +137,7 @@ def test_too_little_thrust_to_hover_on_average_is_seen_within_seconds() -> None:
 KNOWS_OF_DELAY = ("attitude.x.delay_s=[0.02, 0.045]", "attitude.y.delay_s=[0.02, 0.045]")
 
 
-def blindness(config: Config, status: EstimatorStatus | None = None) -> Blindness:
+def blindness(config: Config, status: EstimatorHealth | None = None) -> Blindness:
     forget = {} if status is None else {Reason.ESTIMATOR_FLAGS: status.forget}
     return Blindness(config, table.limits(config), forget)
 
@@ -188,7 +188,7 @@ def test_before_stand_by_nothing_is_missed() -> None:
 
 
 def test_a_source_forgets_at_the_age_of_its_guards_row() -> None:
-    status = EstimatorStatus()
+    status = EstimatorHealth()
     status.missing, status._at_s = 0.0, 10.0
     guards = blindness(load_config(CONFIG), status)
     guards.forget(12.0)

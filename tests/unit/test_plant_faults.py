@@ -19,7 +19,7 @@ from sitl.scenarios.settled import ALTITUDE_M, SETTLE_S, settled_world
 from sitl.vehicles.rotation import euler, quaternion, turned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "sitl"))
-from running_plant import autopilot, quadrotor
+from harness.running_plant import autopilot, quadrotor
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 ODOMETRY = Layout("ODOMETRY")

@@ -19,8 +19,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.flight.vehicle_link.port import Port
-from companion.mavlink import px4
+from companion.control.types import AttitudeSetpoint
+from companion.flight.authority.states import State
+from companion.flight.host.clock import Clock
+from companion.flight.vehicle_link.link import VehicleLink
 from companion.mavlink.codec import Encoder, FrameParser, Layout
 from companion.mavlink.link import open_link
 from companion.mavlink.px4 import Mode
@@ -202,7 +204,7 @@ def test_the_flight_loses_offboard_when_the_stream_stops_and_regains_it_when_it_
     assert 1.0 < (failsafe_us - last_setpoint_us) * 1e-6 < 1.3
 
 
-# --- the process's port ---------------------------------------------------------------------------------------------
+# --- the process's link to the vehicle ------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -214,49 +216,54 @@ def peer() -> Iterator[socket.socket]:
 
 
 @pytest.fixture
-def port(peer: socket.socket, tmp_path: Path) -> Iterator[Port]:
+def vehicle_link(peer: socket.socket, tmp_path: Path) -> Iterator[VehicleLink]:
     recorder = Recorder(tmp_path)
     with closing(open_link(f"udpout://127.0.0.1:{peer.getsockname()[1]}")) as link:
-        yield Port(load_config(ROOT / "config" / "antx_rig.yaml"), link, recorder)
+        yield VehicleLink(load_config(ROOT / "config" / "antx_rig.yaml"), link, recorder, Clock())
     assert recorder.close() is None
 
 
+def hear(link: VehicleLink, data: bytes) -> None:
+    """Take every message in, as the process does."""
+    for _ in link.messages(data):
+        pass
+
+
 @each_recording
-def test_only_the_autopilots_frames_pass_the_rest_is_counted_as_foreign(name: str, port: Port) -> None:
+def test_only_the_autopilots_frames_pass_the_rest_is_counted_as_foreign(name: str, vehicle_link: VehicleLink) -> None:
     frames = [raw for _, raw in records(CUTS / name) if message_id(raw) in mavlink.mavlink_map]
     mine = [raw for raw in frames if (raw[5], raw[6]) == AUTOPILOT]
     first = next(i for i, raw in enumerate(mine) if message_id(raw) == mavlink.MAVLINK_MSG_ID_HEARTBEAT)
     mine = mine[first:]  # nothing is believed before its heartbeat
     kept = []
     for raw in frames:
-        for frame in port.frames(raw, 0):
-            kept.append(frame.raw)
-            if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-                port.note(frame)
+        hear(vehicle_link, raw)
+        kept += [frame.raw for frame in vehicle_link.heard]
     assert kept == mine
-    assert port.foreign > 0
+    assert vehicle_link.foreign > 0
 
 
-def test_another_system_is_not_believed(port: Port) -> None:
+def test_another_system_is_not_believed(vehicle_link: VehicleLink) -> None:
     armed = (Mode.OFFBOARD, 2, 12, 128, 4, 3)
     for ids in ((2, 1), (1, 2), (255, 190)):
         stranger = Encoder(Layout("HEARTBEAT"), *ids).encode(0, *armed)
-        assert port.frames(stranger, 0) == []
-    assert port.foreign == 3
-    assert (port.connected, port.armed, port.mode) == (False, False, 0)
-    (frame,) = port.frames(Encoder(Layout("HEARTBEAT"), *AUTOPILOT).encode(0, *armed), 0)
-    assert port.note(frame)
-    assert (port.connected, port.armed, port.mode) == (True, True, Mode.OFFBOARD)
+        hear(vehicle_link, stranger)
+        assert vehicle_link.heard == []
+    assert vehicle_link.foreign == 3
+    assert (vehicle_link.connected, vehicle_link.armed, vehicle_link.mode) == (False, False, 0)
+    hear(vehicle_link, Encoder(Layout("HEARTBEAT"), *AUTOPILOT).encode(0, *armed))
+    assert len(vehicle_link.heard) == 1
+    assert (vehicle_link.connected, vehicle_link.armed, vehicle_link.mode) == (True, True, Mode.OFFBOARD)
 
 
-def test_the_ports_frames_carry_one_sequence_that_wraps(port: Port, peer: socket.socket) -> None:
+def test_the_links_frames_carry_one_sequence_that_wraps(vehicle_link: VehicleLink, peer: socket.socket) -> None:
     parser = FrameParser()
     sequences: list[int] = []
     for n in range(300):
         if n % 50 == 0:
-            port.send(px4.heartbeat(mavlink.MAV_STATE_ACTIVE), 0)
+            vehicle_link.send_heartbeat(State.ENGAGED)
         else:
-            port.send_setpoint(n, 1.0, 0.0, 0.0, 0.0, 0.5, 0)
+            vehicle_link.send_setpoint(n, AttitudeSetpoint(1.0, 0.0, 0.0, 0.0, 0.5))
         sequences += [frame.sequence for frame in parser.feed(peer.recv(2048))]
     assert sequences == [n % 256 for n in range(300)]
 

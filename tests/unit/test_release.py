@@ -12,16 +12,16 @@ BEGUN_S = 100.0
 
 def asked_at(reports_at: list[float], accepted_at: float = 9.0, mode_at: float = 9.0) -> list[float]:
     """Seconds after the beginning at which Hold is asked for. `mode_at`: a pilot's POSITION is reported from then."""
-    port = SimpleNamespace(mode=int(Mode.OFFBOARD), mode_reports=7)
-    hand_over = HandOver(port, (1, 1), Mode.HOLD, BEGUN_S)  # type: ignore[arg-type]
+    link = SimpleNamespace(mode=int(Mode.OFFBOARD), mode_reports=7)
+    hand_over = HandOver(link, Mode.HOLD, BEGUN_S)  # type: ignore[arg-type]
     asked = []
     for k in range(200):
         now_s = 0.01 * k
-        port.mode_reports = 7 + sum(at <= now_s for at in reports_at)
+        link.mode_reports = 7 + sum(at <= now_s for at in reports_at)
         if now_s >= mode_at:
-            port.mode = int(Mode.POSITION)
+            link.mode = int(Mode.POSITION)
         if now_s >= accepted_at:
-            hand_over.acknowledged(Result.ACCEPTED)
+            hand_over.on_answer(Result.ACCEPTED)
         if hand_over.over(BEGUN_S + now_s):
             break
         if hand_over.advance(BEGUN_S + now_s) is not None:

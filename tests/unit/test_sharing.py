@@ -14,10 +14,10 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink import px4
 from companion.mavlink.client import open_shared
 from companion.mavlink.codec import Frame, FrameParser, Layout
-from companion.mavlink.guest import GuestLink, door_of, doors_of
 from companion.mavlink.link import LinkError
 from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE
-from companion.mavlink.sharing import COLD, ToolServer, question
+from companion.mavlink.tool_client import GuestLink, door_of, doors_of
+from companion.mavlink.tool_server import COLD, ToolServer, question
 
 REQUEST_DATA = Layout("LOG_REQUEST_DATA")
 TOOL = mavlink.MAVLink(None, srcSystem=1, srcComponent=192)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from companion.config.guards.rows import Reason
-from companion.mavlink.px4 import Mode
 
-__all__ = ["BY_STICKS", "ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off", "killed"]
+__all__ = ["ORDINARY", "TAKEN", "Known", "Reason", "State", "advance", "hands_off"]
 
 
 class State(IntEnum):
@@ -28,16 +25,13 @@ TAKEN: Final = frozenset({Reason.MODE_CHANGED, Reason.DISARMED, Reason.KILLED})
 # Control ended as somebody wanted it; every other end is a fault. A failsafe of the vehicle's own is a fault too.
 ORDINARY: Final = frozenset({Reason.MISSION_COMPLETE, Reason.OPERATOR, Reason.MODE_CHANGED, Reason.DISARMED})
 
-# Modes that somebody with sticks chooses. Hold, Return, Land and the like a failsafe chooses too.
-BY_STICKS: Final = frozenset({Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION})
-
 
 class Known(NamedTuple):
     """What the transition looks at."""
 
     connected: bool
     checked: bool  # odometry measured and fast enough
-    mode: int  # custom_mode
+    offboard: bool  # whether that is its mode
     armed: bool
     fault: Reason | None  # of a guard, the operator or the mission
     killed: bool = False
@@ -51,7 +45,7 @@ def advance(state: State, known: Known) -> tuple[State, Reason | None]:
     if state is State.ENGAGED:
         if known.killed:
             return State.RELEASED, Reason.KILLED
-        if known.mode != Mode.OFFBOARD:
+        if not known.offboard:
             return State.RELEASED, Reason.MODE_CHANGED
         if not known.armed:
             return State.RELEASED, Reason.DISARMED
@@ -61,34 +55,26 @@ def advance(state: State, known: Known) -> tuple[State, Reason | None]:
         return State.CHECKING, None
     if state is State.CHECKING and known.checked:
         return State.STANDBY, None
-    wanted = known.mode == Mode.OFFBOARD and known.armed and not known.killed
+    wanted = known.offboard and known.armed and not known.killed
     if state is State.STANDBY and wanted and not known.hands_off:
         return State.ENGAGED, None
     return state, None
 
 
-def hands_off(before: bool | None, mode: int, intended: int | None, *, armed: bool) -> bool | None:
+def hands_off(before: bool | None, offboard: bool, intended: bool | None, *, armed: bool) -> bool | None:
     """Whether OFFBOARD was being flown by somebody before us, who may be ourselves before a restart.
 
     PX4 flies OFFBOARD again by itself as soon as a stream comes, even out of a failsafe, for as long as OFFBOARD is
     what was last asked for; and on the ground it stays in OFFBOARD when it has landed by itself and disarmed, so that
     arming it would be to fly. So a companion that comes up beside a vehicle with that intention sends nothing until
     somebody has chosen another mode; to disarm is enough only where that leaves OFFBOARD. None: not told yet (`before`
-    at first contact; `intended`, the intended_custom_mode of CURRENT_MODE that goes with `mode`, until it has come).
+    at first contact; `intended`, whether OFFBOARD is what the vehicle was told to fly, until it says).
     Once it is False it stays so.
     """
     if before is False:
         return False
-    if Mode.OFFBOARD in (mode, intended):
+    if offboard or intended:
         return True
     if not armed:
         return False
     return before if intended is None else False
-
-
-def killed(mode: int, system_status: int) -> bool:
-    """Kill switch or flight termination. PX4 tells both as MAV_STATE_FLIGHT_TERMINATION in its HEARTBEAT.
-
-    A kill leaves the mode as it is; PX4 disarms five seconds later. Source: `streams/HEARTBEAT.hpp`, `Commander.cpp`.
-    """
-    return mode == Mode.TERMINATION or system_status == mavlink.MAV_STATE_FLIGHT_TERMINATION

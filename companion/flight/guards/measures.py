@@ -196,7 +196,7 @@ class Saturation:
 
 def envelope_used(config: Config) -> Measure:
     """Largest share of the envelope: of its distance, or of its speed."""
-    envelope, one_axis = config.controller.envelope, config.vehicle.kind == "rig"
+    envelope, one_axis = config.controller.envelope, config.vehicle_kind.one_axis
     position_m, velocity_m_s = envelope.position_m, envelope.velocity_m_s
 
     def measure(look: Look) -> float:

@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import gc
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,21 +60,33 @@ def _large_pages() -> None:
 
 @contextmanager
 def quiet_memory() -> Iterator[None]:
-    """No garbage collection in flight: the tick leaves no cycles behind. And few pages."""
-    gc.collect()
-    gc.freeze()
-    _large_pages()
+    """No garbage collection in flight: the tick leaves no cycles behind. And few pages.
+
+    A program that has frozen its memory itself, because it flies one flight after another, keeps it so.
+    """
+    frozen = gc.get_freeze_count() > 0
+    if not frozen:
+        gc.collect()
+        gc.freeze()
+        _large_pages()
     gc.disable()
     try:
         yield
     finally:
         gc.enable()
-        gc.unfreeze()
+        if not frozen:
+            gc.unfreeze()
 
 
 @contextmanager
 def stop_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP ask for a release instead of ending the process."""
+    """SIGINT, SIGTERM and SIGHUP ask for a release instead of ending the process.
+
+    Signals are the main thread's: a flight in another one is stopped by whoever runs it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = [signal.signal(number, lambda *_: stop()) for number in numbers]
     try:

@@ -7,6 +7,7 @@ import math
 from companion.config import Config
 from companion.config.controller import AdaptationRates, AxisSection, BiasSection, interval
 from companion.control.altitude import AltitudeParams
+from companion.control.estimate_correction import CorrectionParams
 from companion.control.hover import HoverParams
 from companion.control.limits import LimitParams
 from companion.control.mrac import AxisParams, nominal_weights, solve_lyapunov
@@ -84,7 +85,7 @@ def position_params(config: Config, *, hedging: bool) -> PositionParams:
         x=x,
         y=y,
         altitude=altitude,
-        one_axis=config.vehicle.kind == "rig",
+        one_axis=config.vehicle_kind.one_axis,
         anchored_at_setpoint=controller.anchor == "setpoint",
         limits=LimitParams(
             tilt_rad=math.radians(limits.tilt_deg),
@@ -99,6 +100,14 @@ def position_params(config: Config, *, hedging: bool) -> PositionParams:
         ),
         hover=hover_params(config, config.vehicle.hover_thrust),
     )
+
+
+def correction_params(config: Config) -> CorrectionParams | None:
+    """Of the estimate; None where it is believed as it is."""
+    section = config.controller.estimate_correction
+    if section is None:
+        return None
+    return CorrectionParams(section.filter_s, section.position_gain_s, section.velocity_gain)
 
 
 def initial_weights(config: Config, params: AxisParams) -> tuple[float, float]:

@@ -8,9 +8,9 @@ from typing import Final
 from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
-from companion.control import attitude, mrac, position
+from companion.control import attitude, estimate_correction, mrac, position
 from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.pilot.controller_params import hover_params, initial_weights, position_params
+from companion.flight.pilot.controller_params import correction_params, hover_params, initial_weights, position_params
 from companion.flight.pilot.doublets import Manoeuvre
 from companion.flight.pilot.mission import Mission
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
@@ -37,7 +37,9 @@ class Pilot:
         self.manoeuvre: Manoeuvre | None = None
         if flown is not None:
             amplitude = amplitude_deg(config.controller, config.guards.fence, flown)
-            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle.kind == "rig")
+            self.manoeuvre = Manoeuvre(flown, amplitude, one_axis=config.vehicle_kind.one_axis)
+        self._correction_params = correction_params(config)
+        self._correction: estimate_correction.CorrectionState | None = None  # while in control
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust
@@ -70,6 +72,7 @@ class Pilot:
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._steered = False
         self._since_s = sample.time_s
+        self._correction = None if self._correction_params is None else estimate_correction.start(sample)
         self._control = position.engage(self._params, sample, yaw, *self._weights, hover)
 
     def steer(self, target: PositionSetpoint) -> None:
@@ -85,6 +88,8 @@ class Pilot:
         """
         assert self._control is not None  # take_over comes first
         self._control = position.reseat(self._control, jump)
+        if self._correction is not None:
+            self._correction = estimate_correction.reseat(self._correction, jump)
         self.origin, self.target = _moved(self.origin, jump), _moved(self.target, jump)
 
     def step(self, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
@@ -93,6 +98,8 @@ class Pilot:
         self.elapsed_s = sample[0] - self._since_s
         if not self._steered:
             self.target = self._mission.command(self.elapsed_s, self.origin)
+        if self._correction_params is not None and self._correction is not None:
+            self._correction, sample = estimate_correction.step(self._correction_params, self._correction, sample, dt_s)
         self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
         self._sample = sample
         return self.last[0] if self.manoeuvre is None else self._excite(self.manoeuvre, sample, dt_s)

@@ -7,12 +7,11 @@ the mode in which it began, once the vehicle has been in one that was asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
-
-from companion.mavlink import px4
-from companion.mavlink.px4 import Mode, Result
+from companion.flight.vehicle_link.messages import Command
+from companion.flight.vehicle_link.modes import Mode, Result
+from companion.flight.vehicle_link.requests import Arm, SetMode
 
 _RETRY_S = 0.5
 _HOVER_SPEED_M_S = 0.3  # reported velocity may be off by 0.2 m/s with GPS
@@ -32,8 +31,8 @@ class Step(NamedTuple):
     """One request, when it is fulfilled, how long that may take, and what the vehicle may be doing meanwhile."""
 
     name: str
-    request: Any | None
-    command: int
+    request: Arm | SetMode | None
+    command: Command | None  # whose answer counts
     fulfilled: Callable[[Seen], bool]
     timeout_s: float
     modes: frozenset[int]  # besides the mode in which the sequence began, until one that was asked for is seen
@@ -41,19 +40,17 @@ class Step(NamedTuple):
     armed: bool  # whether the vehicle must be armed all the while
 
 
-def plan(system_id: int, component_id: int, *, can_fly: bool) -> list[Step]:
+def plan(*, can_fly: bool) -> list[Step]:
     """The steps for a vehicle that can take off, or for a rig that cannot."""
 
     def mode_step(name: str, mode: Mode, while_in: Mode | None) -> Step:
         modes = frozenset({int(mode)} if while_in is None else {int(mode), int(while_in)})
-        request = px4.set_mode(system_id, component_id, mode)
-        return Step(name, request, mavlink.MAV_CMD_DO_SET_MODE, lambda seen: seen.mode == mode, 5.0, modes, mode, True)
+        return Step(name, SetMode(mode), Command.SET_MODE, lambda seen: seen.mode == mode, 5.0, modes, mode, True)
 
-    arm = px4.arm(system_id, component_id)
     armed = Step(
         "arm",
-        arm,
-        mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+        Arm(),
+        Command.ARM,
         lambda seen: seen.armed,
         5.0,
         frozenset({Mode.HOLD}),
@@ -65,7 +62,7 @@ def plan(system_id: int, component_id: int, *, can_fly: bool) -> list[Step]:
     hover = Step(
         "hover",
         None,
-        0,
+        None,
         lambda seen: seen.mode == Mode.HOLD and seen.climbed_m > _HOVER_CLIMB_M and seen.speed_m_s < _HOVER_SPEED_M_S,
         40.0,
         frozenset({Mode.TAKEOFF, Mode.HOLD}),
@@ -91,13 +88,13 @@ class Engagement:
         self._asked_s = 0.0
         self._answer: int | None = None
 
-    def acknowledged(self, command: int, result: int) -> None:
+    def on_answer(self, command: int, result: int) -> None:
         """A COMMAND_ACK. PX4 accepts a mode first and decides afterwards, so the last answer counts."""
         if self._steps and command == self._steps[0].command:
             self._answer = result
 
-    def advance(self, now_s: float, seen: Seen) -> tuple[Any | None, str | None]:
-        """(message to send now, what the vehicle did not do); both None while it waits or when it is done."""
+    def advance(self, now_s: float, seen: Seen) -> tuple[Arm | SetMode | None, str | None]:
+        """(what to ask now, what the vehicle did not do); both None while it waits or when it is done."""
         if self._first_mode is None:
             self._first_mode = seen.mode
             if seen.armed:

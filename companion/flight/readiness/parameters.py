@@ -1,36 +1,21 @@
 """The vehicle's parameters over our own link: asked for by name, collected, and set beside what was certified.
 
-Plain PARAM_REQUEST_READ, no mavsdk: the flying process needs a handful of values once, before stand-by, and a library
-with threads of its own is no company for the loop. An int32 travels bytewise in the float field
-(https://mavlink.io/en/services/parameter.html#parameter-encoding). PX4 answers an unknown name with silence.
+Each by its name, no mavsdk: the flying process needs a handful of values once, before stand-by, and a library with
+threads of its own is no company for the loop. PX4 answers an unknown name with silence.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import development as mavlink
-
-from companion.mavlink.codec import Frame, decode_cold
-
-PARAM_VALUE: Final = mavlink.MAVLINK_MSG_ID_PARAM_VALUE
+from companion.flight.vehicle_link.messages import Parameter
+from companion.flight.vehicle_link.requests import ReadParameter
 
 _AT_ONCE: Final = 4  # requests a call: what a slow serial line takes beside the set-points
 _ASK_AGAIN_S: Final = 0.5
 _PATIENCE_S: Final = 5.0
-_NAME: Final = slice(8, 24)  # after the value, how many there are, and which it is
-_FORMATS: Final[Mapping[int, str]] = {
-    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
-    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
-    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
-    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
-    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
-    mavlink.MAV_PARAM_TYPE_INT32: "<i",
-    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
-}
 
 
 class Difference(NamedTuple):
@@ -46,32 +31,13 @@ class Difference(NamedTuple):
         return f"{self.name} is {self.found:g}, was {self.expected:g}"
 
 
-def parameter(frame: Frame) -> tuple[str, int | float] | None:
-    """Name and value of a PARAM_VALUE; None for one of a type that PX4 does not have.
-
-    The four bytes are read as they came: as a float an int32 that looks like a NaN would not survive.
-    """
-    message = decode_cold(frame)
-    layout = _FORMATS.get(message.param_type)
-    if layout is None:
-        return None
-    (value,) = struct.unpack(layout, frame.payload[:4].ljust(4, b"\0"))
-    return message.param_id, value
-
-
-def name_of(frame: Frame) -> str:
-    """The name in a PARAM_VALUE; a tool beside a flight may ask for all of a thousand, and one is wanted."""
-    return frame.payload[_NAME].rstrip(b"\0").decode("ascii", "replace")
-
-
 class ParameterReader:
     """Reads some parameters of one autopilot, whatever the link loses.
 
     Attributes: `values` by name, as far as they have been told.
     """
 
-    def __init__(self, system_id: int, component_id: int, names: Iterable[str]) -> None:
-        self._ids = (system_id, component_id)
+    def __init__(self, names: Iterable[str]) -> None:
         self._asked_s = dict.fromkeys(names, -math.inf)
         self._began_s: float | None = None
         self.values: dict[str, int | float] = {}
@@ -90,8 +56,8 @@ class ParameterReader:
         """Whether there is nothing left to wait for: all told, or the patience at its end."""
         return self.done or (self._began_s is not None and now_s - self._began_s > _PATIENCE_S)
 
-    def requests(self, now_s: float) -> list[Any]:
-        """PARAM_REQUEST_READ messages to send now: a few at a time, each again while it stays unanswered."""
+    def requests(self, now_s: float) -> list[ReadParameter]:
+        """What to ask now: a few at a time, each again while it stays unanswered."""
         if self.over(now_s):
             return []
         if self._began_s is None:
@@ -99,14 +65,13 @@ class ParameterReader:
         due = [name for name in self.missing if now_s - self._asked_s[name] >= _ASK_AGAIN_S][:_AT_ONCE]
         for name in due:
             self._asked_s[name] = now_s
-        return [mavlink.MAVLink_param_request_read_message(*self._ids, name.encode(), -1) for name in due]
+        return [ReadParameter(name) for name in due]
 
-    def take(self, frame: Frame) -> bool:
-        """A PARAM_VALUE; whether it was one of those asked for."""
-        told = parameter(frame)
-        if told is None or told[0] not in self._asked_s:
+    def on_parameter(self, parameter: Parameter) -> bool:
+        """One that was told; whether it was among those asked for."""
+        if parameter.name not in self._asked_s:
             return False
-        self.values[told[0]] = told[1]
+        self.values[parameter.name] = parameter.value
         return True
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from companion.config.schema import Config
-from companion.flight.readiness.parameters import ParameterReader, name_of, stale
-from companion.flight.vehicle_link.estimator_status import ESTIMATOR_STATUS
-from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
-from companion.flight.vehicle_link.port import CURRENT_MODE
-from companion.mavlink import px4
-from companion.mavlink.codec import Frame
+from companion.flight.readiness.parameters import ParameterReader, stale
+from companion.flight.vehicle_link.messages import Parameter
+from companion.flight.vehicle_link.odometry import PoseSource
+from companion.flight.vehicle_link.requests import Request, Stream
 
 _ASK_AGAIN_S: Final = 1.0
 _FALL_BACK_S: Final = 1.5  # without any ODOMETRY
 _PATIENCE_S: Final = 5.0
-_MODE_HZ: Final = 20.0
-_ESTIMATOR_HZ: Final = 5.0
 _HOVER_THRUST: Final = "MPC_THR_HOVER"
 
 
@@ -30,7 +26,6 @@ class Preflight:
 
     def __init__(self, config: Config, pose: PoseSource, *, compare: bool = True, uncertified: bool = False) -> None:
         self._tick = config.tick
-        self._ids = (config.vehicle.system_id, config.vehicle.component_id)
         self._pose = pose
         self._meter = RateMeter()
         self._began_s = 0.0
@@ -39,7 +34,7 @@ class Preflight:
         self._expected = config.vehicle.parameters if compare else {}
         self._hover_wanted = config.vehicle.hover_thrust_source != "config"
         wanted = [*([_HOVER_THRUST] if self._hover_wanted else []), *self._expected]
-        self._parameters = ParameterReader(*self._ids, wanted)
+        self._parameters = ParameterReader(wanted)
         self._parameters_over = not wanted
         self.stale: str | None = None
 
@@ -65,17 +60,17 @@ class Preflight:
         """The vehicle's clock began anew: what was measured means nothing."""
         self._meter = RateMeter()
 
-    def take(self, time_s: float) -> None:
+    def on_sample(self, time_s: float) -> None:
         """The time stamp of an odometry sample."""
-        self._meter.take(time_s)
+        self._meter.on_sample(time_s)
 
-    def told(self, frame: Frame) -> bool:
-        """A PARAM_VALUE, also of what somebody sets later; whether `stale` is another for it since it was judged."""
+    def on_parameter(self, parameter: Parameter) -> bool:
+        """One that was told, also when somebody sets it later; whether `stale` has changed by it after the check."""
         if not self._parameters_over:
-            self._parameters.take(frame)
+            self._parameters.on_parameter(parameter)
             self._judge(self._parameters.done)
             return False
-        if name_of(frame) not in self._expected or not self._parameters.take(frame):
+        if parameter.name not in self._expected or not self._parameters.on_parameter(parameter):
             return False
         before, self.stale = self.stale, stale(self._expected, self._parameters.values)
         return self.stale != before
@@ -91,21 +86,16 @@ class Preflight:
             return []
         return [f"the vehicle does not tell {_HOVER_THRUST}: flying with vehicle.hover_thrust"]
 
-    def requests(self, now_s: float, *, heard: bool) -> list[Any]:
-        """Messages to send now. `heard`: whether any odometry has come."""
+    def requests(self, now_s: float, *, heard: bool) -> list[Request]:
+        """What to ask now. `heard`: whether any odometry has come."""
         if not heard and now_s - self._began_s > _FALL_BACK_S:
             self._pose.fall_back()
         self._judge(self._parameters.over(now_s))
         parameters = self._parameters.requests(now_s)
         if now_s < self._ask_s:
-            return parameters
+            return [*parameters]
         self._ask_s = now_s + _ASK_AGAIN_S
-        rate = self._tick.rate_hz
-        wanted = [(ODOMETRY.message_id, rate)]
-        if self._pose.message != "ODOMETRY":
-            wanted = [(ATTITUDE_QUATERNION.message_id, rate), (LOCAL_POSITION_NED.message_id, rate)]
-        wanted = [(CURRENT_MODE.message_id, _MODE_HZ), (ESTIMATOR_STATUS.message_id, _ESTIMATOR_HZ), *wanted]
-        return parameters + [px4.message_interval(*self._ids, message_id, rate_hz) for message_id, rate_hz in wanted]
+        return [*parameters, Stream(self._tick.rate_hz)]
 
     def _judge(self, over: bool) -> None:
         if over and not self._parameters_over:
@@ -141,7 +131,7 @@ class RateMeter:
         self.rate_hz = 0.0
         self.done = False
 
-    def take(self, time_s: float) -> None:
+    def on_sample(self, time_s: float) -> None:
         """A sample's time. `rate_hz` and `done` follow; a window that ends too slow is followed by a new one."""
         if self._first_s is None:
             self._first_s = time_s

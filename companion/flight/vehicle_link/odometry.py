@@ -46,7 +46,7 @@ class PoseSource:
         self._attitude: tuple[float, float, float, float] | None = None
         self._attitude_ms = 0
 
-    def take(self, frame: Frame) -> Odometry | None:
+    def on_frame(self, frame: Frame) -> Odometry | None:
         """Odometry, when this frame completes one in local NED."""
         number, _, _, _, payload, _ = frame
         if number == _ODOMETRY:
@@ -76,6 +76,15 @@ class PoseSource:
             return None
         x, y, z, vx, vy, vz = (v[i] for i in _POSITION)
         return Odometry(v[_POSITION_MS] * 1e-3, x, y, z, vx, vy, vz, *self._attitude)
+
+    @property
+    def message_ids(self) -> tuple[int, ...]:
+        """The messages that odometry is made of, as things are."""
+        return (
+            (_ODOMETRY,)
+            if self.message == "ODOMETRY"
+            else (ATTITUDE_QUATERNION.message_id, LOCAL_POSITION_NED.message_id)
+        )
 
     @property
     def variance_ned_m2(self) -> tuple[float, float, float]:

@@ -229,7 +229,6 @@ ESTIMATOR: Final = (
         by_s=0.7,
         stays_within_m=0.5,
         coast_s=0.2,
-        realtime=True,
         margin_m=5.0,
     ),
     Scenario(
@@ -240,7 +239,6 @@ ESTIMATOR: Final = (
         overrides=HOVER,
         by_s=0.7,
         stays_within_m=0.3,
-        realtime=True,
         coast_s=0.5,
     ),
     Scenario(

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config, load_config
-from companion.flight.vehicle_link.port import Port
+from companion.control.types import AttitudeSetpoint, PositionSetpoint
+from companion.flight.authority.states import State
+from companion.flight.host.clock import Clock
+from companion.flight.vehicle_link.link import VehicleLink
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.signing import Signing
 from companion.record.recorder import RECEIVED, SENT
@@ -64,19 +67,23 @@ def config(*overrides: str) -> Config:
 
 
 class Bench:
-    """A port, its wire and its log."""
+    """A link to the vehicle, its wire and its log."""
 
     def __init__(self, *overrides: str) -> None:
         self.wire, self.log = Wire(), Log()
-        self.port = Port(config(*overrides), self.wire, self.log)  # type: ignore[arg-type]
+        self.link = VehicleLink(config(*overrides), self.wire, self.log, Clock())  # type: ignore[arg-type]
 
     def hear(self, *frames: bytes) -> list[int]:
-        """Message ids believed; mode reports are noted, as the process does."""
-        kept = self.port.frames(b"".join(frames), 0)
-        for frame in kept:
-            if frame.message_id in (0, 436):
-                self.port.note(frame)
-        return [frame.message_id for frame in kept]
+        """Message ids believed, every message taken as the process does."""
+        for _ in self.link.messages(b"".join(frames)):
+            pass
+        return [frame.message_id for frame in self.link.heard]
+
+    def steered(self) -> list[float]:
+        """Where those who may steer want it, north, since this was last asked."""
+        commands = self.link.live_commands()
+        assert all(isinstance(command, PositionSetpoint) for command in commands)
+        return [command.x_m for command in commands if isinstance(command, PositionSetpoint)]
 
 
 def packed(message: Any, system: int = 1, component: int = 1) -> bytes:
@@ -105,9 +112,9 @@ def test_nothing_is_believed_before_a_heartbeat_of_px4() -> None:
     bench = Bench()
     assert bench.hear(current_mode()) == []
     assert bench.hear(heartbeat(autopilot=8), current_mode()) == [0]
-    assert (bench.port.connected, bench.port.mode, bench.wire.locked) == (False, 0, 0)
+    assert (bench.link.connected, bench.link.mode, bench.wire.locked) == (False, 0, 0)
     assert bench.hear(heartbeat()) == [0]
-    assert (bench.port.connected, bench.port.mode, bench.port.armed, bench.wire.locked) == (True, OFFBOARD, True, 1)
+    assert (bench.link.connected, bench.link.mode, bench.link.armed, bench.wire.locked) == (True, OFFBOARD, True, 1)
     assert bench.hear(current_mode(5, 7), heartbeat()) == [436, 0]
     assert bench.wire.locked == 1
 
@@ -115,28 +122,28 @@ def test_nothing_is_believed_before_a_heartbeat_of_px4() -> None:
 def test_a_heartbeat_that_is_not_px4_s_changes_nothing_later_either() -> None:
     bench = Bench()
     bench.hear(heartbeat())
-    reports = bench.port.mode_reports
+    reports = bench.link.mode_reports
     bench.hear(heartbeat(autopilot=8, mode=1 << 16))
-    assert (bench.port.mode, bench.port.mode_reports) == (OFFBOARD, reports)
+    assert (bench.link.mode, bench.link.mode_reports) == (OFFBOARD, reports)
 
 
 @pytest.mark.parametrize("sender", [{"system": 2}, {"component": 2}, {"system": 255, "component": 190}])
 def test_others_are_counted_and_neither_believed_nor_recorded(sender: dict[str, int]) -> None:
     bench = Bench()
     assert bench.hear(heartbeat(**sender), heartbeat(**sender)) == []
-    assert bench.port.foreign == 2
-    assert (bench.port.connected, bench.wire.locked, bench.log.records) == (False, 0, [])
-    assert "2 foreign" in bench.port.tally()
+    assert bench.link.foreign == 2
+    assert (bench.link.connected, bench.wire.locked, bench.log.records) == (False, 0, [])
+    assert "2 foreign" in bench.link.tally()
 
 
 def test_the_mode_that_was_intended_is_known_where_it_is_told() -> None:
     bench = Bench()
     bench.hear(heartbeat())
-    assert bench.port.intended_mode is None
+    assert bench.link.intended_mode is None
     bench.hear(current_mode(5, 0))
-    assert bench.port.intended_mode is None
+    assert bench.link.intended_mode is None
     bench.hear(current_mode(5, OFFBOARD))
-    assert (bench.port.mode, bench.port.intended_mode) == (5, OFFBOARD)
+    assert (bench.link.mode, bench.link.intended_mode) == (5, OFFBOARD)
 
 
 # --- steering -------------------------------------------------------------------------------------------------------
@@ -145,29 +152,29 @@ def test_the_mode_that_was_intended_is_known_where_it_is_told() -> None:
 def test_commands_of_those_who_may_steer_wait_to_be_taken_away() -> None:
     bench = Bench(*STEERING)
     bench.hear(target())
-    assert bench.port.steering == []  # nobody has proved to be the autopilot yet
+    assert bench.steered() == []  # nobody has proved to be the autopilot yet
     bench.hear(heartbeat(), target())
     bench.hear(target(x=2.0))
-    assert [frame.system_id for frame in bench.port.steering] == [255]
-    bench.port.steering = []
+    assert bench.steered() == [2.0]  # the first came in the datagram that proved it
     for n in range(50):
         bench.hear(target(x=float(n)))
-    assert [frame.raw for frame in bench.port.steering] == [target(x=float(n)) for n in (46, 47, 48, 49)]
+    assert bench.steered() == [46.0, 47.0, 48.0, 49.0]
+    assert bench.steered() == []
 
 
 def test_nobody_else_steers() -> None:
     bench = Bench(*STEERING)
     bench.hear(heartbeat())
-    before = bench.port.foreign
+    before = bench.link.foreign
     bench.hear(target(system=254), target(component=1), target(component=0), heartbeat(system=255))
-    assert (bench.port.steering, bench.port.foreign - before) == ([], 4)
+    assert (bench.steered(), bench.link.foreign - before) == ([], 4)
 
 
 def test_nobody_steers_by_default() -> None:
     bench = Bench("steering.system_ids=[255]")
     bench.hear(heartbeat())
     bench.hear(target())
-    assert (bench.port.steering, bench.port.foreign) == ([], 1)
+    assert (bench.steered(), bench.link.foreign) == ([], 1)
 
 
 # --- rivals ---------------------------------------------------------------------------------------------------------
@@ -193,10 +200,10 @@ def stream(sender: tuple[int, int], system: int = 1, component: int = 1) -> byte
 def test_somebody_else_who_flies_the_vehicle_is_recognised(frame: bytes, expected: str | None) -> None:
     bench = Bench()
     bench.hear(frame)
-    assert bench.port.rival is None  # nobody has proved to be the autopilot yet
+    assert bench.link.rival() is None  # nobody has proved to be the autopilot yet
     bench.hear(heartbeat())
     assert bench.hear(frame) == []
-    assert bench.port.rival == expected
+    assert bench.link.rival() == expected
 
 
 # --- the key --------------------------------------------------------------------------------------------------------
@@ -213,27 +220,27 @@ def key_file(tmp_path: Path) -> str:
 def test_with_a_key_only_what_it_signed_is_believed_and_only_once(key_file: str) -> None:
     bench, vehicle, forger = Bench(key_file), Signing(KEY), Signing(bytes(31) + b"\x01")
     assert bench.hear(heartbeat(), forger.sign(heartbeat())) == []
-    assert (bench.port.connected, bench.wire.locked) == (False, 0)
+    assert (bench.link.connected, bench.wire.locked) == (False, 0)
     signed = vehicle.sign(heartbeat())
     assert bench.hear(signed, vehicle.sign(current_mode())) == [0]
     assert bench.hear(signed, vehicle.sign(current_mode()), heartbeat()) == [436]
-    assert bench.port.tally().endswith("2 unsigned, 1 bad_signature, 1 replayed")
+    assert bench.link.tally().endswith("2 unsigned, 1 bad_signature, 1 replayed")
 
 
 def test_a_person_who_waits_is_told_what_was_heard_instead(key_file: str) -> None:
     bench = Bench(key_file)
-    assert bench.port.doubt() == ""
+    assert bench.link.doubt() == ""
     bench.hear(heartbeat(system=7))
-    assert bench.port.doubt() == "1 frames of others were heard"
+    assert bench.link.doubt() == "1 frames of others were heard"
     bench.hear(heartbeat(), Signing(bytes(31) + b"\x01").sign(heartbeat()))
-    assert bench.port.doubt() == "2 frames in its name were not signed by link.signing_key_file, or are old"
+    assert bench.link.doubt() == "2 frames in its name were not signed by link.signing_key_file, or are old"
 
 
 def test_another_s_frame_goes_out_as_it_is_but_for_the_signature(key_file: str) -> None:
     frame = heartbeat(component=142)
     plain, keyed = Bench(), Bench(key_file)
-    plain.port.forward(frame, 0)
-    keyed.port.forward(frame, 0)
+    plain.link.forward(frame)
+    keyed.link.forward(frame)
     assert plain.wire.sent == [frame]
     (signed,) = FrameParser().feed(keyed.wire.sent[0])
     assert (signed.component_id, signed.sequence, signed.payload) == (142, 0, FrameParser().feed(frame)[0].payload)
@@ -242,8 +249,8 @@ def test_another_s_frame_goes_out_as_it_is_but_for_the_signature(key_file: str) 
 
 def test_with_a_key_everything_is_signed(key_file: str) -> None:
     bench, vehicle = Bench(key_file), Signing(KEY)
-    bench.port.send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3), 0)
-    bench.port.send_setpoint(5, 1.0, 0.0, 0.0, 0.0, 0.5, 0)
+    bench.link.send_heartbeat(State.STANDBY)
+    bench.link.send_setpoint(5, AttitudeSetpoint(1.0, 0.0, 0.0, 0.0, 0.5))
     frames = [FrameParser().feed(data)[0] for data in bench.wire.sent]
     assert [frame.message_id for frame in frames] == [0, 82]
     assert all(vehicle.verify(frame) for frame in frames)
@@ -254,9 +261,9 @@ def test_with_a_key_a_rival_must_have_it_too(key_file: str) -> None:
     bench, vehicle, twin = Bench(key_file), Signing(KEY), Signing(KEY, link_id=3)
     bench.hear(vehicle.sign(heartbeat()))
     bench.hear(heartbeat(system=1, component=191))
-    assert bench.port.rival is None
+    assert bench.link.rival() is None
     bench.hear(twin.sign(heartbeat(system=1, component=191)))
-    assert bench.port.rival is not None
+    assert bench.link.rival() is not None
 
 
 def test_with_a_key_steering_must_be_signed_too(key_file: str) -> None:
@@ -264,7 +271,7 @@ def test_with_a_key_steering_must_be_signed_too(key_file: str) -> None:
     bench.hear(vehicle.sign(heartbeat()))
     signed = station.sign(target())
     bench.hear(target(), signed, signed)
-    assert [frame.raw for frame in bench.port.steering] == [signed]
+    assert bench.steered() == [1.0]
     assert [data for kind, data in bench.log.records if kind == RECEIVED][-1] == signed
 
 
@@ -291,8 +298,8 @@ def test_only_whole_frames_of_the_vehicle_ever_come_out(pieces: list[bytes], con
     if connected:
         bench.hear(heartbeat())
     known = {heartbeat(), current_mode(), target(system=1, component=1)}
-    for frame in bench.port.frames(b"".join(pieces), 0):
+    bench.hear(*pieces)
+    for frame in bench.link.heard:
         assert (frame.system_id, frame.component_id) == (1, 1)
         assert frame.raw in known
         assert connected or frame.message_id == 0
-    assert all(frame.system_id == 255 for frame in bench.port.steering)

@@ -8,6 +8,7 @@ from types import TracebackType
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import FirstOrder
+from harness.processes import PATIENCE_S
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import Parameters
 from sitl.messages.log_download import LogFile
@@ -20,12 +21,6 @@ from sitl.wire.server import ServeResult, serve
 
 NO_RATES = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 HOVER_THRUST = 0.5
-# For flights by the wall clock on a machine that does other things as well.
-PATIENT = (
-    "--set", "guards.link_jitter_s.enabled=false", "--set", "guards.tick_overrun_s.enabled=false",
-    "--set", "guards.pose_age_s.limit=1.0", "--set", "guards.pose_rate_hz.enabled=false",
-    "--set", "guards.clock_jump_s.limit=1.0",
-)  # fmt: skip
 NOBODY = 9  # the discard port: heartbeats before the lock must not reach anybody
 
 
@@ -96,13 +91,13 @@ class RunningPlant:
 
     def __enter__(self) -> RunningPlant:
         self._thread.start()
-        assert self._ready.wait(10.0)
+        assert self._ready.wait(PATIENCE_S)
         if self.error is not None:
             raise self.error
         return self
 
     def join(self) -> None:
-        self._thread.join(20.0)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive()
 
     def __exit__(self, kind: type[BaseException] | None, value: object, trace: TracebackType | None) -> None:

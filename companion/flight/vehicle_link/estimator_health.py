@@ -1,23 +1,18 @@
-"""What the estimator says of itself by ESTIMATOR_STATUS: which of its solutions are good."""
+"""What the estimator says of itself, for as long as it is believed: which of its solutions are good."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-from pymavlink.dialects.v20 import development as mavlink
+from companion.flight.vehicle_link.messages import EstimatorFlag
 
-from companion.mavlink.codec import Frame, Layout
-
-ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
-
-_FLAGS: Final = ESTIMATOR_STATUS.index("flags")
-_NEEDED: Final = (
-    mavlink.ESTIMATOR_ATTITUDE,
-    mavlink.ESTIMATOR_VELOCITY_HORIZ,
-    mavlink.ESTIMATOR_VELOCITY_VERT,
-    mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS,  # either will do
-    mavlink.ESTIMATOR_POS_VERT_ABS,
+_NEEDED: Final = (  # iterating the flags would leave out the one that stands for two
+    EstimatorFlag.ATTITUDE,
+    EstimatorFlag.VELOCITY_HORIZONTAL,
+    EstimatorFlag.VELOCITY_VERTICAL,
+    EstimatorFlag.POSITION_HORIZONTAL,
+    EstimatorFlag.POSITION_VERTICAL,
 )
 
 
@@ -29,16 +24,16 @@ def missing_flags(flags: int) -> int:
     return sum(not flags & needed for needed in _NEEDED)
 
 
-class EstimatorStatus:
+class EstimatorHealth:
     """Attribute: `missing`, how many of the solutions needed are not good; NaN until told, and once forgotten."""
 
     def __init__(self) -> None:
         self._at_s = -math.inf
         self.missing = math.nan
 
-    def on_frame(self, frame: Frame, now_s: float) -> None:
+    def on_status(self, flags: int, now_s: float) -> None:
         """An ESTIMATOR_STATUS."""
-        self.missing = missing_flags(ESTIMATOR_STATUS.unpack(frame.payload)[_FLAGS])
+        self.missing = missing_flags(flags)
         self._at_s = now_s
 
     def forget(self, before_s: float) -> None:

@@ -1,0 +1,60 @@
+"""`companion sitl --against px4`: hedged, standard and PX4's own position control, side by side."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from companion.commands.options import ConfigFile
+from companion.config import Config, ConfigError
+from companion.record.folder import new_folder
+from sitl.experiment.against import Compared, compare
+
+
+class Arguments(NamedTuple):
+    """Of `companion sitl --against`."""
+
+    config: Config  # with a plant section
+    config_file: ConfigFile
+    out: Path | None
+    json: bool
+
+
+def run(arguments: Arguments) -> int:
+    """Fly all three, print the table. 1 when one did not fly the mission to its end. Raises `ConfigError`."""
+    config, path = arguments.config, arguments.config_file.path
+    if config.plant is None or config.plant.quadrotor is None:
+        raise ConfigError(f"{path}: --against px4 needs a quadrotor: PX4's position control does not fly a rig")
+    if config.mission.duration_s is None or config.mission.identification is not None:
+        raise ConfigError(f"{path}: --against px4 needs a mission with a duration_s")
+    folder = arguments.out or new_folder(Path("flights"), f"{path.stem}-against-px4")
+    flown = compare(config, path, folder)
+    report = {
+        "config": str(path),
+        "controllers": {c.controller: {"reason": c.reason, **(c.scores._asdict() if c.scores else {})} for c in flown},
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    if arguments.json:
+        print(json.dumps(report))
+    else:
+        Console().print(_table(flown))
+    return 0 if all(c.scores is not None for c in flown) else 1
+
+
+def _table(flown: list[Compared]) -> Table:
+    table = Table(title="RMS distance from the ideal reference, m: by the truth less its mean, and by the estimate")
+    table.add_column("controller")
+    for heading in ("truth along", "truth across", "estimate along", "estimate across"):
+        table.add_column(heading, justify="right")
+    for c in flown:
+        name = "PX4's own" if c.controller == "px4" else c.controller
+        if c.scores is None:
+            table.add_row(name, f"[bold red]{c.reason}[/bold red]", *["-"] * 3)
+        else:
+            table.add_row(name, *(f"{value:.3f}" for value in c.scores))
+    return table

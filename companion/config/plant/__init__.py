@@ -1,0 +1,37 @@
+"""The `plant` section: the simulated vehicle that `companion sitl` flies. The real vehicle never reads it."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from companion.config.base import NonNegative
+from companion.config.plant.disturbances import MismatchSection, RadioSection, SensorsSection, WindSection
+from companion.config.vehicles import VehiclePlants
+
+
+class Plant(VehiclePlants):
+    """The vehicle that `companion sitl` simulates: one of the two kinds, its autopilot's parameters, and everything
+    that keeps it from being ideal. The real vehicle never reads it."""
+
+    setpoint_delay_s: NonNegative = 0.0
+    """Transport delay of set-points in front of the attitude loop."""
+    parameters: dict[str, int | float] = Field(default_factory=dict)
+    """PX4 parameters by name, those that the plant has. The others keep the defaults of PX4 v1.17."""
+    seed: int = 1
+    """Of all that is random. The same seed gives the same flight."""
+    mismatch: MismatchSection = MismatchSection()
+    """The true vehicle against the believed one."""
+    wind: WindSection | None = None
+    """Wind."""
+    battery_sag_1_s: NonNegative = 0.0
+    """Share of the thrust lost a second."""
+    sensors: SensorsSection | None = None
+    """Noise and age of the estimate."""
+    link: RadioSection | None = None
+    """What the radio does to frames."""
+
+    @model_validator(mode="after")
+    def _no_wind_on_guides(self) -> Plant:
+        if self.wind is not None and not self.kind.can_fly:
+            raise ValueError(f"wind does not reach a {self.kind.name}: its guides hold it")
+        return self

@@ -1,0 +1,65 @@
+"""An estimate whose position and velocity disagree tells by how much it is wrong.
+
+An estimator with position aiding moves its position by more than its velocity: what is left over is its innovation,
+fed back with its gain k1. For an error e_p of position, ``d/dt p - v = -k1 e_p + noise``, and the error of the velocity
+goes the same way (`docs/estimator.md`). So with ``r``, the low-passed difference,
+
+    r = 1/(tau s + 1) (s p - v)        p_corrected = p + k_p r        v_corrected = v + k_v r
+
+where the best k_p is about 1/k1 and the best k_v about one: the velocity that the position has, at low frequency.
+
+An estimate that agrees with itself has r = 0. So the model of (18) and the closed loop of (24), which know no
+estimator, are what they were; the certificate does not change. r is bounded by what the estimator does, and enters
+the loop as an error of the estimate does.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from companion.control.types import Jump, Odometry
+
+
+class CorrectionParams(NamedTuple):
+    """tau, k_p in seconds, and k_v; zero gains leave the estimate alone. Horizontal only."""
+
+    filter_s: float
+    position_gain_s: float
+    velocity_gain: float
+
+
+class CorrectionState(NamedTuple):
+    """Low-passed ``p + tau v``, north and east, m: r is ``(p - it) / tau``, without a derivative."""
+
+    north_m: float
+    east_m: float
+
+
+def start(sample: Odometry) -> CorrectionState:
+    """Settled on a sample: r is zero."""
+    return CorrectionState(sample.x_m, sample.y_m)
+
+
+def step(
+    params: CorrectionParams, state: CorrectionState, sample: Odometry, dt_s: float
+) -> tuple[CorrectionState, Odometry]:
+    """(state, the sample with position and velocity corrected)."""
+    tau_s, k_p, k_v = params
+    north, east = state
+    share = 1.0 - math.exp(-dt_s / tau_s)
+    north += share * (sample.x_m + tau_s * sample.vx_m_s - north)
+    east += share * (sample.y_m + tau_s * sample.vy_m_s - east)
+    r_north, r_east = (sample.x_m - north) / tau_s, (sample.y_m - east) / tau_s
+    corrected = sample._replace(
+        x_m=sample.x_m + k_p * r_north,
+        y_m=sample.y_m + k_p * r_east,
+        vx_m_s=sample.vx_m_s + k_v * r_north,
+        vy_m_s=sample.vy_m_s + k_v * r_east,
+    )
+    return CorrectionState(north, east), corrected
+
+
+def reseat(state: CorrectionState, jump: Jump) -> CorrectionState:
+    """The estimate jumped and the vehicle did not: r stays."""
+    return CorrectionState(state.north_m + jump.x_m, state.east_m + jump.y_m)

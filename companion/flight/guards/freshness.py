@@ -1,0 +1,37 @@
+"""How old pose and heartbeat are: the two guards that see what does not come."""
+
+from __future__ import annotations
+
+import math
+
+from companion.config.guards.rows import Reason
+from companion.flight.guards import table
+from companion.flight.guards.table import Limits
+
+
+class Freshness:
+    """When pose and heartbeat were last heard.
+
+    Attribute: `until_s`, before which neither can be stale, as last looked at: what is heard later only puts it off.
+    """
+
+    def __init__(self, limits: Limits, now_s: float) -> None:
+        self._limits = limits
+        self._pose_at_s = self._heartbeat_at_s = now_s
+        self.until_s = -math.inf
+
+    def on_pose(self, now_s: float) -> None:
+        """A pose that is not the one before it."""
+        self._pose_at_s = now_s
+
+    def on_heartbeat(self, now_s: float) -> None:
+        """A heartbeat of the vehicle."""
+        self._heartbeat_at_s = now_s
+
+    def stale(self, now_s: float) -> Reason | None:
+        """What has not been heard for too long, or None."""
+        pose_at_s, heartbeat_at_s, limits = self._pose_at_s, self._heartbeat_at_s, self._limits
+        reason = table.stale(limits, now_s - pose_at_s, now_s - heartbeat_at_s)
+        fresh_until_s = min(pose_at_s + limits[Reason.POSE_STALE], heartbeat_at_s + limits[Reason.HEARTBEAT_LOST])
+        self.until_s = fresh_until_s if reason is None else -math.inf
+        return reason

@@ -1,0 +1,53 @@
+"""The time of a flight: our own clock, or in lockstep the samples' own."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+LARGEST_STEP_S: Final = 1.0  # between two samples of one clock, where no guard says otherwise
+
+
+class Clock:
+    """Tells the time and is told what came. In lockstep nothing here depends on the wall's clock.
+
+    Attributes: `now_s`, when the bytes in hand came, or in lockstep the time stamp of the newest sample; `stamp_us`,
+    the same for records; `passed_s`, in lockstep, how much of the samples' time has passed, wherever their clock jumps;
+    `began_wall_s`, when the flight began.
+    """
+
+    def __init__(self, *, lockstep: bool = False) -> None:
+        self.lockstep = lockstep
+        self.began_wall_s = time.monotonic()
+        self.now_s = 0.0 if lockstep else self.began_wall_s
+        self.stamp_us = 0
+        self.passed_s = 0.0
+        self._last_s = 0.0  # time stamp of the last sample, of whatever kind
+
+    def waited(self, wall_s: float) -> None:
+        """The wait for bytes has ended, with some or without."""
+        if not self.lockstep:
+            self.now_s = wall_s
+
+    def stamp(self) -> None:
+        """Bytes have come: what follows from them is stamped with this moment."""
+        self.stamp_us = self.time_us()
+
+    def pass_time(self, sample_s: float, *, running: bool) -> None:
+        """In lockstep, a sample has come. Time passes up to it, once it is `running`: since the first was answered."""
+        if running:
+            self.passed_s += min(max(sample_s - self._last_s, 0.0), LARGEST_STEP_S)
+        self._last_s = sample_s
+
+    def move_to(self, sample_s: float) -> None:
+        """In lockstep, now is the time of this sample."""
+        self.now_s = sample_s
+        self.stamp()
+
+    def elapsed_s(self) -> float:
+        """Now, for waiting: it never jumps."""
+        return self.passed_s if self.lockstep else time.monotonic()
+
+    def time_us(self) -> int:
+        """Time stamp for a record made now: the system's clock, or in lockstep the samples' own."""
+        return round(self.now_s * 1e6) if self.lockstep else time.time_ns() // 1000

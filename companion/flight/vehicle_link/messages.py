@@ -1,0 +1,126 @@
+"""What the vehicle tells, as plain records: a row for each message that is more than pose, mode or time.
+
+To add a message: its record, its decoder, its row. Whoever uses it names the record among its handlers.
+
+Source: https://mavlink.io/en/messages/common.html
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from enum import IntEnum, IntFlag
+from typing import Final, NamedTuple
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.mavlink.codec import Layout
+
+ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
+COMMAND_ACK: Final = Layout("COMMAND_ACK")
+
+_FLAGS: Final = ESTIMATOR_STATUS.index("flags")
+_COMMAND: Final = COMMAND_ACK.index("command")
+_RESULT: Final = COMMAND_ACK.index("result")
+_PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
+_PARAM_NAME: Final = slice(8, 24)
+_PARAM_TYPE: Final = 24
+_PARAM_FORMATS: Final[Mapping[int, str]] = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
+}
+
+
+class Heartbeat(NamedTuple):
+    """The vehicle lives. What it says is in the link's `mode`, `armed` and `killed`."""
+
+
+class ModeReport(NamedTuple):
+    """The vehicle's mode, told for itself."""
+
+    changed: bool  # against what was heard last
+    intended: bool  # whether it tells what it was told to be in
+
+
+class EstimatorFlag(IntFlag):
+    """Solutions of the estimator that may be good. Source: #ESTIMATOR_STATUS_FLAGS."""
+
+    ATTITUDE = mavlink.ESTIMATOR_ATTITUDE
+    VELOCITY_HORIZONTAL = mavlink.ESTIMATOR_VELOCITY_HORIZ
+    VELOCITY_VERTICAL = mavlink.ESTIMATOR_VELOCITY_VERT
+    POSITION_HORIZONTAL = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS  # either will do
+    POSITION_VERTICAL = mavlink.ESTIMATOR_POS_VERT_ABS
+
+
+class EstimatorStatus(NamedTuple):
+    """ESTIMATOR_STATUS."""
+
+    flags: int  # see EstimatorFlag
+
+
+class Parameter(NamedTuple):
+    """PARAM_VALUE: one parameter as the vehicle stores it."""
+
+    name: str
+    value: int | float
+
+
+class Command(IntEnum):
+    """Commands whose answers are looked at."""
+
+    ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
+
+
+class Answer(NamedTuple):
+    """COMMAND_ACK. PX4 accepts a mode first and decides afterwards, so the last answer counts."""
+
+    command: int  # see Command; others' commands are answered too
+    result: int  # see companion.flight.vehicle_link.modes.Result
+
+
+class Row(NamedTuple):
+    """One message: how its payload becomes a record, and how often it is asked for before stand-by."""
+
+    message_id: int
+    decode: Callable[[bytes], NamedTuple | None]  # None: nothing that can be used
+    rate_hz: float | None = None  # None: it comes unasked
+
+
+def estimator_status(payload: bytes) -> EstimatorStatus:
+    """An ESTIMATOR_STATUS."""
+    return EstimatorStatus(ESTIMATOR_STATUS.unpack(payload)[_FLAGS])
+
+
+def parameter(payload: bytes) -> Parameter | None:
+    """A PARAM_VALUE; None for one of a type that PX4 does not have.
+
+    An int32 travels bytewise in the float field (https://mavlink.io/en/services/parameter.html#parameter-encoding), so
+    the four bytes are read as they came: as a float an int32 that looks like a NaN would not survive. A tool beside a
+    flight may ask for all of a thousand, so this is cheap.
+    """
+    payload = payload.ljust(_PARAM_VALUE_BYTES, b"\0")
+    layout = _PARAM_FORMATS.get(payload[_PARAM_TYPE])
+    if layout is None:
+        return None
+    (value,) = struct.unpack(layout, payload[:4])
+    name, _, _ = payload[_PARAM_NAME].partition(b"\0")
+    return Parameter(name.decode("ascii", "replace"), value)
+
+
+def answer(payload: bytes) -> Answer:
+    """A COMMAND_ACK."""
+    values = COMMAND_ACK.unpack(payload)
+    return Answer(values[_COMMAND], values[_RESULT])
+
+
+ROWS: Final = (
+    Row(ESTIMATOR_STATUS.message_id, estimator_status, 5.0),
+    Row(mavlink.MAVLINK_MSG_ID_PARAM_VALUE, parameter),
+    Row(COMMAND_ACK.message_id, answer),
+)
