@@ -18,6 +18,7 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
+from companion.certify.held import grows
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
@@ -75,6 +76,8 @@ class Assessment(NamedTuple):
         By name; empty if only the verdict was asked for.
     adaptation_rates
         By axis, the configured adaptation rate and the largest stable one; empty without sampling.
+    growing
+        Axes that grow at the slowest tick with the weights held at a corner (`companion.certify.held`), and that rate.
     """
 
     certificate: dict[str, Json] | None
@@ -82,11 +85,13 @@ class Assessment(NamedTuple):
     rays: int | None
     axes: Mapping[str, AxisAssessment]
     adaptation_rates: Mapping[str, tuple[float, float]]
+    growing: Mapping[str, float]
 
     @property
     def certified(self) -> bool:
-        """Whether there is a certificate, and every adaptation rate is below its limit."""
-        return self.certificate is not None and all(rate < limit for rate, limit in self.adaptation_rates.values())
+        """Whether there is a certificate, every adaptation rate is below its limit, and nothing grows at the tick."""
+        sampled = all(rate < limit for rate, limit in self.adaptation_rates.values())
+        return self.certificate is not None and sampled and not self.growing
 
 
 def verdict_of(problem: Problem, max_degree: int = 2, max_rays: int = RAYS[-1]) -> Assessment:
@@ -100,12 +105,18 @@ def verdict_of(problem: Problem, max_degree: int = 2, max_rays: int = RAYS[-1]) 
     if not 2 <= max_degree <= MAX_DEGREE or max_degree % 2:
         raise ValueError(f"degree must be even, from 2 to {MAX_DEGREE}, not {max_degree}")
     certificate = certify(problem, max_degree, max_rays)
-    rates = {
+    limits = {
         name: (float(sampling.adaptation_rate), largest_adaptation_rate(problem.axes[name], sampling))
         for name, sampling in problem.sampling.items()
     }
     degrees, rays = ([], []) if certificate is None else _needed(certificate)
-    return Assessment(certificate, max(degrees, default=None), max(filter(None, rays), default=None), {}, rates)
+    growing = {
+        name: float(sampling.tick_rate_hz)
+        for name, sampling in problem.sampling.items()
+        if grows(problem.axes[name], sampling)
+    }
+    most = max(filter(None, rays), default=None)
+    return Assessment(certificate, max(degrees, default=None), most, {}, limits, growing)
 
 
 def assess(

@@ -22,6 +22,7 @@ from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
 from companion.certify.elimination import positive_definite
+from companion.certify.held import grows
 from companion.certify.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
 from companion.certify.rational import list_of, rational, rationals
@@ -138,6 +139,9 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
         limit = largest_adaptation_rate(stated.axes[name], sampling)
         if not float(sampling.adaptation_rate) < limit:
             return Verdict(False, f"adaptation rate {sampling.adaptation_rate} of axis {name} is not below {limit:.4g}")
+    for name, sampling in stated.sampling.items():
+        if grows(stated.axes[name], sampling):
+            return Verdict(False, f"axis {name} grows when it is held over a tick at {sampling.tick_rate_hz} Hz")
     proofs = certificate["proofs"]
     wanted = channels(stated)
     if not isinstance(proofs, Mapping) or set(proofs) != set(wanted):

@@ -221,6 +221,11 @@ def verdict(assessment: Assessment) -> str:
                 f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below "
                 f"{_rate(limit)}, where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
             )
+    for name, rate_hz in assessment.growing.items():
+        return (
+            f"[bold red]Not certified[/bold red]: axis {name} grows when its command is held over a tick at "
+            f"{rate_hz:g} Hz; raise tick.floor_hz."
+        )
     for name, axis in assessment.axes.items():
         if axis.attack is not None:
             growth = axis.attack.spectral_radius
