@@ -16,7 +16,6 @@ from fractions import Fraction
 from companion.attitude_response.exact import ends
 from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
 from companion.attitude_response.response import corners
-from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.problem import AxisProblem
 from companion.certify.sectors import Channel, Loop
 
@@ -77,18 +76,7 @@ def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSp
 
 
 def axis_channel(problem: AxisProblem) -> Channel:
-    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response.
-
-    Raises
-    ------
-    ValueError
-        If a delay stands behind a transfer function of first order with an interval: its slope is no affine function.
-    """
-    dynamics = problem.response.dynamics
-    if isinstance(dynamics, TransferFunction) and len(dynamics.denominator) == 2 and problem.response.delay_s.upper:
-        constant = dynamics.denominator[-1]
-        if constant.lower != constant.upper:
-            raise ValueError("a first order transfer function with an interval and a delay: give bandwidth_rad_s")
+    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response."""
     corners_ = tuple(
         tuple(_loop(_closed_loop(problem, weights, actuator), 1) for weights in _all_weights(problem))
         for actuator in problem.response.dynamics.corners()
@@ -99,14 +87,13 @@ def axis_channel(problem: AxisProblem) -> Channel:
 def joint_channel(x: AxisProblem, y: AxisProblem) -> Channel:
     """Both axes with the yaw free to turn, and one delay in common: that of the vehicle and its link.
 
+    `Problem` has seen to it that the delay is the same, and that with one the output does not turn.
+
     Raises
     ------
     ValueError
-        If the attitude responses have different order, or different intervals of the delay, or a delay and an output
-        that turns with the yaw.
+        If the attitude responses have different order.
     """
-    if x.response.delay_s != y.response.delay_s:
-        raise ValueError("a free yaw needs the same delay on both axes")
     responses = (x.response.dynamics.corners(), y.response.dynamics.corners())
     vertices = _joint(x, y, list(itertools.product(*responses)))
     loops = [_loop(vertex, 2) for vertex in vertices]

@@ -12,7 +12,9 @@ from hypothesis import given, settings
 from companion.attitude_response.exact import interval
 from companion.attitude_response.kinds import SecondOrder
 from companion.attitude_response.response import AttitudeResponse
+from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.closed_loop import axis_channel, joint_channel
+from companion.certify.problem import Problem
 from companion.certify.sector_proof import check_sectors, sector_proof_json, sector_proof_of
 from companion.certify.sector_solver import natural_scale, plan, prove_by_sectors, rays, rounded, solve
 from companion.certify.sectors import Scale, sectors
@@ -147,7 +149,10 @@ def test_a_free_yaw_is_proven_with_a_delay_that_both_axes_share(rig):
     assert proof is not None
     assert check_sectors(proof, channel) == ""
     with pytest.raises(ValueError, match="same delay"):
-        joint_channel(rig("3.4", "0.02"), rig("3.4", "0.03"))
+        Problem({"x": rig("3.4", "0.02"), "y": rig("3.4", "0.03")}, yaw_free=True)
+    function = TransferFunction((interval("3", "4"),), (interval("1"), interval("3", "4")))
+    with pytest.raises(ValueError, match="use bandwidth_rad_s"):
+        dataclasses.replace(rig("3"), response=AttitudeResponse(function, interval("0.02")))
 
 
 @pytest.fixture(scope="module")
