@@ -19,6 +19,7 @@ from companion.certify.bandwidth import (
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
 from companion.certify.held import grows
+from companion.certify.helpers import Helpers
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
@@ -156,14 +157,15 @@ def assess(
     found = known_verdict or verdict_of(problem, max_degree, max_rays)
     known: dict[AxisProblem, AxisAssessment] = {}
     axes = {}
-    for index, (name, axis) in enumerate(problem.axes.items()):
-        family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
-        twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
-        if axis not in known:
-            share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
-            effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None)
-            known[axis] = _assess_axis(axis, effort, twin, share)
-        axes[name] = known[axis]
+    with Helpers(any(_long(axis) for axis in problem.axes.values())) as helpers:
+        for index, (name, axis) in enumerate(problem.axes.items()):
+            family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
+            twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
+            if axis not in known:
+                share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
+                effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None)
+                known[axis] = _assess_axis(axis, effort, twin, helpers, share)
+            axes[name] = known[axis]
     show(1.0, "done")
     return found._replace(axes=axes)
 
@@ -201,10 +203,23 @@ class _Effort(NamedTuple):
     attack: bool
 
 
+def _long(axis: AxisProblem) -> bool:
+    """Whether its searches take longer than other processes take to start."""
+    return len(axis.response.dynamics.corners()) > 1
+
+
 def _assess_axis(
-    axis: AxisProblem, effort: _Effort, twin: AxisAssessment | None, show: Callable[[float, str], None]
+    axis: AxisProblem,
+    effort: _Effort,
+    twin: AxisAssessment | None,
+    helpers: Helpers,
+    show: Callable[[float, str], None],
 ) -> AxisAssessment:
     tuned = tuned_bandwidth(axis.response)
+    most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
+    counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
+    fastest = helpers.call(fastest_reference, axis, counts) if effort.fastest else None
+    delay = helpers.call(largest_delay, axis, counts)
     show(0.0, "needed bandwidth, quadratic")
     by_rays: dict[int, Certified | None] = {count: None for count in RAYS if count <= effort.max_rays}
     by_rays[0] = minimum_bandwidth_by_rays(axis, 0) if twin is None else twin.minimum_bandwidth_by_rays[0]
@@ -227,14 +242,12 @@ def _assess_axis(
     show(0.5, "needed bandwidth, by degree")
     by_degree = {} if axis.response.delay_s.upper else _by_degree(axis, effort, twin, floor)
     show(0.6, "delay budget")
-    most = SEARCH_RAYS[effort.all_methods or len(axis.response.dynamics.corners()) == 1]
-    counts = [count for count in by_rays if count <= most]
-    delay = largest_delay(axis, counts)
+    longest = delay()
     show(0.8, "fastest reference model")
-    quickest = fastest_reference(axis, counts) if effort.fastest else None
+    quickest = None if fastest is None else fastest()
     show(0.95, "attack")
     found = attack(axis) if effort.attack else None
-    return AxisAssessment(tuned, by_degree, by_rays, unstable, axis.response.delay_s.upper, delay, quickest, found)
+    return AxisAssessment(tuned, by_degree, by_rays, unstable, axis.response.delay_s.upper, longest, quickest, found)
 
 
 def _by_degree(
