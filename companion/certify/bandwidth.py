@@ -79,7 +79,7 @@ def with_natural_frequency(problem: AxisProblem, natural_frequency_rad_s: Decima
 def minimum_bandwidth(
     problem: AxisProblem, degree: int, above: float = 0.0, below: float | None = None
 ) -> Certified | None:
-    """The least bandwidth that the degree certifies.
+    """The least bandwidth that the degree certifies, for an axis without a delay.
 
     Parameters
     ----------
@@ -96,7 +96,14 @@ def minimum_bandwidth(
     -------
     Certified or None
         None if no bandwidth up to `REACH` times the tuned one is certified.
+
+    Raises
+    ------
+    ValueError
+        If there is a delay.
     """
+    if problem.response.delay_s.upper:
+        raise ValueError("no degree certifies a delay")
     start = float(tuned_bandwidth(problem.response)) if below is None else below
     scaling = Scaling(axis_vertices(with_bandwidth(problem, ceiling(Decimal(start), PLACES))))
 

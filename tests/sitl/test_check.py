@@ -8,6 +8,11 @@ from pathlib import Path
 import pytest
 from harness.command import companion
 
+from companion.certify.certificate import assemble, prove
+from companion.certify.closed_loop import axis_vertices
+from companion.certify.from_config import problem
+from companion.config.load import load_config
+
 ROOT = Path(__file__).resolve().parents[2]
 RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
@@ -134,3 +139,56 @@ def test_run_imports_no_solver(tmp_path: Path) -> None:
         cwd=ROOT,
     )
     assert ended.stdout.splitlines()[-1] == "[]", ended.stdout + ended.stderr
+
+
+HELD = {
+    "controller.axes.x.natural_frequency_rad_s": 4,
+    "controller.axes.x.position_weight_bound": "[1.6, 1.8]",
+    "controller.axes.x.velocity_weight_bound": "[0.55, 0.65]",
+    "controller.axes.x.adaptation_rate.hedged": 1,
+    "controller.anchor": "setpoint",
+    "controller.initial_weights": "nominal",
+    "attitude.x.bandwidth_rad_s": 5.5,
+    "tick.rate_hz": 50,
+    "tick.floor_hz": 6,
+}
+DELAYED = {
+    "controller.axes.x.position_weight_bound": "[0.53, 0.55]",
+    "controller.axes.x.velocity_weight_bound": "[0.32, 0.336]",
+    "controller.axes.x.adaptation_rate.hedged": 1,
+    "attitude.x.bandwidth_rad_s": 60,
+    "attitude.x.delay_s": 0.32,
+}
+
+
+def as_once_certified(config: Path, overrides: tuple[str, ...]) -> dict[str, object]:
+    """A certificate by degree 2 that takes a delay as the approximant of the config, as earlier versions wrote it."""
+    stated = problem(load_config(config, overrides))
+    proof = prove(axis_vertices(stated.axes["x"]), 2)
+    assert proof is not None
+    return dict(assemble(stated, {"x": proof}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "why", "reason"),
+    [
+        (HELD, "grows when its command is held", "grows when it is held"),
+        (DELAYED, "Not certified", "grows when it is held"),
+    ],
+)
+def test_what_was_falsely_certified_is_refused_everywhere(
+    changes: dict[str, object], why: str, reason: str, tmp_path: Path
+) -> None:
+    overrides = tuple(f"{key}={value}" for key, value in changes.items())
+    options = [option for override in overrides for option in ("--set", override)]
+    ended = companion("check", RIG, "--quick", *options)
+    assert ended.returncode == 1, ended.stderr
+    assert why in " ".join(ended.stdout.split())
+
+    config, certificate = tmp_path / "mine.yaml", tmp_path / "mine.certificate.json"
+    config.write_text(RIG.read_text())
+    certificate.write_text(json.dumps(as_once_certified(config, overrides)))
+    ended = companion("check", config, "--verify", certificate, *options)
+    assert ended.returncode == 1, ended.stdout
+    assert reason in ended.stderr
+    assert reason in refused("run", config, *NOBODY, *options, cwd=tmp_path)
