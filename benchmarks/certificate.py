@@ -1,13 +1,19 @@
 """Least certified bandwidth, ours beside plain cvxpy bisection with every step built anew.
 
-python benchmarks/certificate.py [--degree 6]
+With `--baseline DIR`, `companion check` of the rig by this build and by the one in DIR instead, in turn.
+
+python benchmarks/certificate.py [--degree 6] [--baseline DIR]
 """
 
 import argparse
+import os
+import subprocess
+import sys
 import time
 import warnings
 from decimal import Decimal
 from functools import partial
+from pathlib import Path
 
 import cvxpy as cp
 import numpy as np
@@ -75,10 +81,30 @@ def plain_bandwidth(axis: AxisProblem, degree: int, scaling: Scaling, low: float
     return high
 
 
+def beside(baseline: Path, rounds: int = 3) -> None:
+    """Wall-clock seconds of `companion check config/antx_rig.yaml --all-degrees`, each build with its defaults."""
+    builds = {"this build": Path(__file__).resolve().parents[1], "baseline": baseline.resolve()}
+    seconds: dict[str, list[float]] = {name: [] for name in builds}
+    for _ in range(rounds):
+        for name, root in builds.items():
+            command = [sys.executable, "-m", "companion", "check", str(root / "config/antx_rig.yaml"), "--all-degrees"]
+            start = time.perf_counter()
+            environment = os.environ | {"PYTHONPATH": str(root)}
+            subprocess.run(command, check=True, cwd=root, env=environment, stdout=subprocess.DEVNULL)
+            seconds[name].append(time.perf_counter() - start)
+            print(f"{name:<11}{seconds[name][-1]:>8.2f} s", flush=True)
+    print(f"ratio of the fastest {min(seconds['baseline']) / min(seconds['this build']):.1f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--degree", type=int, default=6, help="highest degree for plain cvxpy")
-    plain_degree = parser.parse_args().degree
+    parser.add_argument("--baseline", type=Path, metavar="DIR", help="an older build to run in turn")
+    arguments = parser.parse_args()
+    if arguments.baseline is not None:
+        beside(arguments.baseline)
+        return
+    plain_degree = arguments.degree
     print(f"{'case':<11}{'degree':>7}{'rad/s':>9}{'ours s':>9}{'plain rad/s':>13}{'plain s':>9}{'ratio':>8}")
     for name in CASES:
         axis = problem_of(name)

@@ -12,17 +12,21 @@ from companion.certify.bandwidth import (
     fastest_reference,
     largest_delay,
     minimum_bandwidth,
+    minimum_bandwidth_by_rays,
     tuned_bandwidth,
     with_bandwidth,
 )
-from companion.certify.certificate import certify
+from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
+from companion.certify.held import grows
+from companion.certify.helpers import Helpers
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
-from companion.certify.statement import Json
+from companion.certify.sector_proof import DELAY
+from companion.certify.statement import Json, problem_of
 
-DELAY_DEGREE = 6  # highest degree of the delay search: degree 8 with a delay line takes minutes
+SEARCH_RAYS = (8, 16)  # of the searches over delay and reference model, for a response of many corners and of one
 
 
 class AxisAssessment(NamedTuple):
@@ -33,7 +37,9 @@ class AxisAssessment(NamedTuple):
     tuned_bandwidth_rad_s
         The configured attitude bandwidth.
     minimum_bandwidth
-        Least certified bandwidth in rad/s by degree, each with its proof.
+        Least certified bandwidth in rad/s by degree, each with its proof; empty with a delay, which no degree takes.
+    minimum_bandwidth_by_rays
+        The same by rays, none being one quadratic function, with the true delay.
     unstable_below
         Largest bandwidth in rad/s found unstable, and the switching that shows it.
     delay_s
@@ -43,12 +49,13 @@ class AxisAssessment(NamedTuple):
     fastest_reference
         Largest certified natural frequency in rad/s.
     attack
-        A switching that makes the tuned loop itself grow, with its delay as a Pade approximant of the highest order:
-        a proof about a coarser approximant does not stand against it. None if none was found, or none can be.
+        Where there is no certificate, a switching that makes the tuned loop itself grow, with its delay as a Pade
+        approximant of the highest order. None if none was found, or none can be.
     """
 
     tuned_bandwidth_rad_s: Decimal
     minimum_bandwidth: Mapping[int, Certified | None]
+    minimum_bandwidth_by_rays: Mapping[int, Certified | None]
     unstable_below: tuple[Decimal, Counterexample] | None
     delay_s: Decimal
     maximum_delay: Certified | None
@@ -63,32 +70,64 @@ class Assessment(NamedTuple):
     ----------
     certificate
         The certificate, or None if the problem as configured is not certified.
-    degree
-        Highest degree the certificate needed.
+    degree, rays
+        Highest degree, and most rays, that the certificate needed; None if it needed none. A quadratic function is of
+        degree 2, whatever the delay.
     axes
-        By name.
+        By name; empty if only the verdict was asked for.
     adaptation_rates
         By axis, the configured adaptation rate and the largest stable one; empty without sampling.
+    growing
+        Axes that grow at the slowest tick with the weights held at a corner (`companion.certify.held`), and that rate.
     """
 
     certificate: dict[str, Json] | None
     degree: int | None
+    rays: int | None
     axes: Mapping[str, AxisAssessment]
     adaptation_rates: Mapping[str, tuple[float, float]]
+    growing: Mapping[str, float]
 
     @property
     def certified(self) -> bool:
-        """Whether there is a certificate, no attack, and every adaptation rate is below its limit."""
+        """Whether there is a certificate, every adaptation rate is below its limit, and nothing grows at the tick."""
         sampled = all(rate < limit for rate, limit in self.adaptation_rates.values())
-        return self.certificate is not None and sampled and all(axis.attack is None for axis in self.axes.values())
+        return self.certificate is not None and sampled and not self.growing
+
+
+def verdict_of(problem: Problem, max_degree: int = 2, max_rays: int = RAYS[-1]) -> Assessment:
+    """Certified or not, and nothing else.
+
+    Raises
+    ------
+    ValueError
+        If `max_degree` is not an even number from 2 on.
+    """
+    if not 2 <= max_degree <= MAX_DEGREE or max_degree % 2:
+        raise ValueError(f"degree must be even, from 2 to {MAX_DEGREE}, not {max_degree}")
+    certificate = certify(problem, max_degree, max_rays)
+    limits = {
+        name: (float(sampling.adaptation_rate), largest_adaptation_rate(problem.axes[name], sampling))
+        for name, sampling in problem.sampling.items()
+    }
+    degrees, rays = ([], []) if certificate is None else _needed(certificate)
+    growing = {
+        name: float(sampling.tick_rate_hz)
+        for name, sampling in problem.sampling.items()
+        if grows(problem.axes[name], sampling)
+    }
+    most = max(filter(None, rays), default=None)
+    return Assessment(certificate, max(degrees, default=None), most, {}, limits, growing)
 
 
 def assess(
     problem: Problem,
-    max_degree: int = 8,
-    all_degrees: bool = False,
+    max_degree: int = 2,
+    all_methods: bool = False,
     fastest: bool = False,
     progress: Callable[[float, str], None] | None = None,
+    max_rays: int = RAYS[-1],
+    known_verdict: Assessment | None = None,
 ) -> Assessment:
     """Answer all questions about a problem.
 
@@ -98,41 +137,37 @@ def assess(
         What is configured.
     max_degree
         Highest degree to try, even.
-    all_degrees
-        Find the least bandwidth of every degree up to `max_degree`, not only of those needed for the tuned one.
+    all_methods
+        Find the least bandwidth of every degree and of all rays, not only of those needed for the tuned one.
     fastest
         Also find the fastest certified reference model.
     progress
         Called with the fraction done and what is being done.
+    max_rays
+        Most rays to try.
+    known_verdict
+        Of `verdict_of`, if it is at hand.
 
     Raises
     ------
     ValueError
         If `max_degree` is not an even number from 2 on.
     """
-    if not 2 <= max_degree <= MAX_DEGREE or max_degree % 2:
-        raise ValueError(f"degree must be even, from 2 to {MAX_DEGREE}, not {max_degree}")
     show = progress or _silent
-    certificate = certify(problem, max_degree)
+    found = known_verdict or verdict_of(problem, max_degree, max_rays)
     known: dict[AxisProblem, AxisAssessment] = {}
     axes = {}
-    for index, (name, axis) in enumerate(problem.axes.items()):
-        family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
-        twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
-        if axis not in known:
-            share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
-            known[axis] = _assess_axis(axis, max_degree, all_degrees, fastest, twin, share)
-        axes[name] = known[axis]
+    with Helpers(any(_long(axis) for axis in problem.axes.values())) as helpers:
+        for index, (name, axis) in enumerate(problem.axes.items()):
+            family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
+            twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
+            if axis not in known:
+                share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
+                effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None)
+                known[axis] = _assess_axis(axis, effort, twin, helpers, share)
+            axes[name] = known[axis]
     show(1.0, "done")
-    return Assessment(
-        certificate,
-        None if certificate is None else max(_degrees(certificate)),
-        axes,
-        {
-            name: (float(sampling.adaptation_rate), largest_adaptation_rate(problem.axes[name], sampling))
-            for name, sampling in problem.sampling.items()
-        },
-    )
+    return found._replace(axes=axes)
 
 
 def to_json(assessment: Assessment) -> dict[str, object]:
@@ -140,10 +175,12 @@ def to_json(assessment: Assessment) -> dict[str, object]:
     return {
         "certified": assessment.certified,
         "degree": assessment.degree,
+        "sectors": assessment.rays,
+        "proof": {"delay": _delay_proof(assessment), "tick": None},
         "axes": {
             name: {
                 "tuned_bandwidth_rad_s": float(axis.tuned_bandwidth_rad_s),
-                "minimum_bandwidth_rad_s": {str(d): _value(c) for d, c in axis.minimum_bandwidth.items()},
+                "minimum_bandwidth_rad_s": _bandwidths(axis),
                 "unstable_below_rad_s": None if axis.unstable_below is None else float(axis.unstable_below[0]),
                 "delay_s": float(axis.delay_s),
                 "maximum_delay_s": _value(axis.maximum_delay),
@@ -151,49 +188,80 @@ def to_json(assessment: Assessment) -> dict[str, object]:
             }
             for name, axis in assessment.axes.items()
         },
+        "delay_interval_s": delay_intervals(assessment),
         "adaptation_rate_limit": min((limit for _, limit in assessment.adaptation_rates.values()), default=None),
     }
 
 
+class _Effort(NamedTuple):
+    """How much is asked for."""
+
+    max_degree: int
+    max_rays: int
+    all_methods: bool
+    fastest: bool
+    attack: bool
+
+
+def _long(axis: AxisProblem) -> bool:
+    """Whether its searches take longer than other processes take to start."""
+    return len(axis.response.dynamics.corners()) > 1
+
+
 def _assess_axis(
     axis: AxisProblem,
-    max_degree: int,
-    all_degrees: bool,
-    fastest: bool,
+    effort: _Effort,
     twin: AxisAssessment | None,
+    helpers: Helpers,
     show: Callable[[float, str], None],
 ) -> AxisAssessment:
     tuned = tuned_bandwidth(axis.response)
-    degrees = range(2, max_degree + 1, 2)
-    minimum: dict[int, Certified | None] = dict.fromkeys(degrees)
-    show(0.0, "degree 2")
-    minimum[2] = minimum_bandwidth(axis, 2) if twin is None else twin.minimum_bandwidth[2]
+    most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
+    counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
+    fastest = helpers.call(fastest_reference, axis, counts) if effort.fastest else None
+    delay = helpers.call(largest_delay, axis, counts)
+    show(0.0, "needed bandwidth, quadratic")
+    by_rays: dict[int, Certified | None] = {count: None for count in RAYS if count <= effort.max_rays}
+    by_rays[0] = minimum_bandwidth_by_rays(axis, 0) if twin is None else twin.minimum_bandwidth_by_rays[0]
     show(0.1, "counterexample")
     if twin is None:
-        above = float(minimum[2].value) if minimum[2] else 2 * float(tuned)
+        above = float(by_rays[0].value) if by_rays[0] else 2 * float(tuned)
         unstable = unstable_bandwidth(partial(with_bandwidth, axis), above)
     else:
         unstable = twin.unstable_below
-    best = minimum[2]
-    for degree in degrees[1:]:
-        if not all_degrees and best is not None and best.value <= tuned:
+    # A counterexample to an approximant of the delay is none to the delay: only without one does it bound the search.
+    floor = float(unstable[0]) if unstable and not axis.response.delay_s.upper else 0.0
+    best = by_rays[0]
+    for number, count in enumerate(list(by_rays)[1:]):
+        if not effort.all_methods and best is not None and best.value <= tuned:
             break
-        show(0.1 + 0.5 * degree / max_degree, f"degree {degree}")
-        if twin is not None and twin.minimum_bandwidth[degree] is not None:
-            minimum[degree] = twin.minimum_bandwidth[degree]
-        else:
-            floor = float(unstable[0]) if unstable else 0.0
-            minimum[degree] = minimum_bandwidth(axis, degree, floor, float(best.value) if best else None)
-        best = minimum[degree] or best
-    needed = [d for d, found in minimum.items() if found is not None and found.value <= tuned]
-    tried = [d for d in degrees if d <= max([DELAY_DEGREE, *needed[:1]])]
-    show(0.6, "delay")
-    delay = largest_delay(axis, tried)
+        show(0.2 + 0.1 * number, f"needed bandwidth, {count} sectors")
+        known = None if twin is None else twin.minimum_bandwidth_by_rays.get(count)
+        by_rays[count] = known or minimum_bandwidth_by_rays(axis, count, floor, float(best.value) if best else None)
+        best = by_rays[count] or best
+    show(0.5, "needed bandwidth, by degree")
+    by_degree = {} if axis.response.delay_s.upper else _by_degree(axis, effort, twin, floor)
+    show(0.6, "delay budget")
+    longest = delay()
     show(0.8, "fastest reference model")
-    quickest = fastest_reference(axis, tried) if fastest else None
+    quickest = None if fastest is None else fastest()
     show(0.95, "attack")
-    found = None if needed and not axis.response.delay_s.upper else attack(axis)
-    return AxisAssessment(tuned, minimum, unstable, axis.response.delay_s.upper, delay, quickest, found)
+    found = attack(axis) if effort.attack else None
+    return AxisAssessment(tuned, by_degree, by_rays, unstable, axis.response.delay_s.upper, longest, quickest, found)
+
+
+def _by_degree(
+    axis: AxisProblem, effort: _Effort, twin: AxisAssessment | None, floor: float
+) -> dict[int, Certified | None]:
+    tuned, best = tuned_bandwidth(axis.response), None
+    found: dict[int, Certified | None] = dict.fromkeys(range(2, effort.max_degree + 1, 2))
+    for degree in range(2, effort.max_degree + 1, 2):
+        if not effort.all_methods and best is not None and best.value <= tuned:
+            break
+        known = None if twin is None else twin.minimum_bandwidth.get(degree)
+        found[degree] = known or minimum_bandwidth(axis, degree, floor, float(best.value) if best else None)
+        best = found[degree] or best
+    return found
 
 
 def attack(axis: AxisProblem) -> Counterexample | None:
@@ -213,12 +281,47 @@ def _scaled(
     show(start + share * fraction, f"{name}: {text}")
 
 
-def _degrees(certificate: Mapping[str, Json]) -> Iterator[int]:
+def _proofs(certificate: Mapping[str, Json]) -> Iterator[Mapping[str, Json]]:
     proofs = certificate["proofs"]
     assert isinstance(proofs, Mapping)
     for proof in proofs.values():
         assert isinstance(proof, Mapping)
-        yield int(str(proof["degree"]))
+        yield proof
+
+
+def _needed(certificate: Mapping[str, Json]) -> tuple[list[int], list[int]]:
+    """Degrees and rays of its proofs."""
+    degrees, rays = [], []
+    for proof in _proofs(certificate):
+        if "rays" in proof:
+            assert isinstance(proof["rays"], list)
+            rays.append(len(proof["rays"]))
+            degrees += [] if proof["rays"] else [2]
+        else:
+            degrees.append(int(str(proof["degree"])))
+    return degrees, rays
+
+
+def _delay_proof(assessment: Assessment) -> str | None:
+    """How the certificate takes a delay; None where there is none."""
+    proofs = [] if assessment.certificate is None else list(_proofs(assessment.certificate))
+    return DELAY if any(proof.get("delay") == DELAY for proof in proofs) else None
+
+
+def delay_intervals(assessment: Assessment) -> dict[str, list[float]] | None:
+    """Ends of the certified interval of the delay by axis; None without a certificate."""
+    if assessment.certificate is None:
+        return None
+    stated = problem_of(assessment.certificate["problem"])
+    return {name: [float(end) for end in axis.response.delay_s] for name, axis in stated.axes.items()}
+
+
+def _bandwidths(axis: AxisAssessment) -> dict[str, float | None]:
+    """By degree, and by rays; a quadratic function is both."""
+    by_rays = {
+        f"sectors_{count}" if count else "quadratic": _value(c) for count, c in axis.minimum_bandwidth_by_rays.items()
+    }
+    return {"2": by_rays["quadratic"]} | {str(d): _value(c) for d, c in axis.minimum_bandwidth.items()} | by_rays
 
 
 def _value(certified: Certified | None) -> float | None:

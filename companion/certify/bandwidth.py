@@ -10,13 +10,16 @@ from decimal import ROUND_FLOOR, Decimal
 from fractions import Fraction
 from typing import NamedTuple
 
+import numpy as np
+
 from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import PLACES, ceiling
 from companion.attitude_response.response import AttitudeResponse
-from companion.certify.certificate import Scaling, prove
-from companion.certify.closed_loop import axis_vertices
+from companion.certify.certificate import AnyProof, Scaling, prove
+from companion.certify.closed_loop import axis_channel, axis_vertices
 from companion.certify.problem import AxisProblem
-from companion.certify.proof import Proof
+from companion.certify.sector_proof import SectorProof
+from companion.certify.sector_solver import prove_by_sectors
 
 TOLERANCE = 5e-4  # relative, of every bisection
 REACH = 32.0  # how many times the tuned value is searched before giving up
@@ -27,7 +30,7 @@ class Certified(NamedTuple):
     """A number and the exactly checked proof at that number."""
 
     value: Decimal
-    proof: Proof
+    proof: AnyProof
 
 
 def tuned_bandwidth(response: AttitudeResponse) -> Decimal:
@@ -76,7 +79,7 @@ def with_natural_frequency(problem: AxisProblem, natural_frequency_rad_s: Decima
 def minimum_bandwidth(
     problem: AxisProblem, degree: int, above: float = 0.0, below: float | None = None
 ) -> Certified | None:
-    """The least bandwidth that the degree certifies.
+    """The least bandwidth that the degree certifies, for an axis without a delay.
 
     Parameters
     ----------
@@ -93,7 +96,14 @@ def minimum_bandwidth(
     -------
     Certified or None
         None if no bandwidth up to `REACH` times the tuned one is certified.
+
+    Raises
+    ------
+    ValueError
+        If there is a delay.
     """
+    if problem.response.delay_s.upper:
+        raise ValueError("no degree certifies a delay")
     start = float(tuned_bandwidth(problem.response)) if below is None else below
     scaling = Scaling(axis_vertices(with_bandwidth(problem, ceiling(Decimal(start), PLACES))))
 
@@ -105,23 +115,48 @@ def minimum_bandwidth(
     return _boundary(attempt, start, above)
 
 
-def largest_delay(problem: AxisProblem, degrees: Sequence[int]) -> Certified | None:
-    """The largest delay in s that one of the degrees certifies, the rest as tuned; None if not even zero is."""
+def prove_axis(problem: AxisProblem, count: int) -> SectorProof | None:
+    """An axis with its true delay, by so many rays."""
+    try:
+        return prove_by_sectors(axis_channel(problem), count, float(problem.natural_frequency_rad_s))
+    except np.linalg.LinAlgError:  # numbers too far apart for floating point: no candidate, no proof
+        return None
+
+
+def minimum_bandwidth_by_rays(
+    problem: AxisProblem, count: int, above: float = 0.0, below: float | None = None
+) -> Certified | None:
+    """The least bandwidth that so many rays certify, with the true delay; as `minimum_bandwidth`."""
+    start = float(tuned_bandwidth(problem.response)) if below is None else below
+
+    def attempt(value: float) -> Certified | None:
+        bandwidth = ceiling(Decimal(value), PLACES)
+        proof = prove_axis(with_bandwidth(problem, bandwidth), count)
+        return None if proof is None else Certified(bandwidth, proof)
+
+    return _boundary(attempt, start, above)
+
+
+def largest_delay(problem: AxisProblem, counts: Sequence[int]) -> Certified | None:
+    """The largest true delay in s that one of the counts of rays certifies, the rest as tuned; None if not even zero.
+
+    From the configured interval the upper end moves.
+    """
     period = 2 * math.pi / float(problem.natural_frequency_rad_s)
     best: Certified | None = None
-    for degree in degrees:
+    for count in counts:
 
-        def attempt(value: float, degree: int = degree) -> Certified | None:
+        def attempt(value: float, count: int = count) -> Certified | None:
             delay = Decimal(value).quantize(DELAY_PLACES, ROUND_FLOOR)
-            proof = prove(axis_vertices(with_delay(problem, delay)), degree)
+            proof = prove_axis(with_delay(problem, delay), count)
             return None if proof is None else Certified(delay, proof)
 
         best = _largest(attempt, float(best.value) if best else 0.0, 0.99 * period, best)
     return best
 
 
-def fastest_reference(problem: AxisProblem, degrees: Sequence[int]) -> Certified | None:
-    """The largest natural frequency in rad/s that one of the degrees certifies.
+def fastest_reference(problem: AxisProblem, counts: Sequence[int]) -> Certified | None:
+    """The largest natural frequency in rad/s that one of the counts of rays certifies.
 
     Damping ratio and attitude response stay, the bounds keep their proportion to the nominal weights. None if nothing
     above a hundredth of the configured one is certified."""
@@ -129,11 +164,11 @@ def fastest_reference(problem: AxisProblem, degrees: Sequence[int]) -> Certified
     slowest_delay = float(problem.response.delay_s.upper)
     limit = min(REACH * configured, 0.99 * 2 * math.pi / slowest_delay if slowest_delay else math.inf)
     best: Certified | None = None
-    for degree in degrees:
+    for count in counts:
 
-        def attempt(value: float, degree: int = degree) -> Certified | None:
+        def attempt(value: float, count: int = count) -> Certified | None:
             frequency = Decimal(value).quantize(PLACES, ROUND_FLOOR)
-            proof = prove(axis_vertices(with_natural_frequency(problem, frequency)), degree)
+            proof = prove_axis(with_natural_frequency(problem, frequency), count)
             return None if proof is None else Certified(frequency, proof)
 
         best = _largest(attempt, float(best.value) if best else 0.01 * configured, limit, best)

@@ -12,8 +12,16 @@ from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.lyapunov import Candidate, Floats, coordinates, rescale, solve
 from companion.certify.problem import Problem
-from companion.certify.proof import SCHEMA, Proof, channels, check
+from companion.certify.proof import SCHEMA, Proof, channel_vertices, channels, check
+from companion.certify.sector_proof import SectorProof, sector_proof_json
+from companion.certify.sector_solver import prove_by_sectors
+from companion.certify.sectors import Channel, delayed
 from companion.certify.statement import Json, digest, statement
+
+AnyProof = Proof | SectorProof
+
+RAYS = (0, 8, 16, 32)
+"""Tried in turn; none is one quadratic function. Twice the rays halve what is lost to the truth, and cost twice."""
 
 ROUNDING_BITS = (10, 16, 24, 34)  # tried in turn: few bits make a short certificate, many follow a thin margin
 
@@ -74,32 +82,42 @@ def rounded(candidate: Candidate, degree: int, scaling: Scaling, bits: int) -> P
     )
 
 
-def prove_lowest(vertices: Sequence[Matrix], max_degree: int) -> Proof | None:
-    """The proof of lowest degree up to `max_degree`; a degree is tried only if the lower ones fail."""
-    scaling = Scaling(vertices)
-    for degree in range(2, max_degree + 1, 2):
-        proof = prove(vertices, degree, scaling)
-        if proof is not None:
-            return proof
+def prove_channel(channel: Channel, frequency_rad_s: float, max_degree: int, max_rays: int) -> AnyProof | None:
+    """The first proof that holds: by degree up to `max_degree` where there is no delay, then by `RAYS`.
+
+    Several axes at once, with the yaw free, have no sectors.
+    """
+    if not delayed(channel):
+        vertices = channel_vertices(channel)
+        scaling = Scaling(vertices)
+        for degree in range(2, max_degree + 1, 2):
+            proof = prove(vertices, degree, scaling)
+            if proof is not None:
+                return proof
+    for count in RAYS if len(channel.corners[0]) == 4 else RAYS[:1]:
+        if count <= max_rays and (count or delayed(channel)):
+            by_sectors = prove_by_sectors(channel, count, frequency_rad_s)
+            if by_sectors is not None:
+                return by_sectors
     return None
 
 
-def certify(problem: Problem, max_degree: int = 8) -> dict[str, Json] | None:
-    """The certificate of a problem as a JSON object, or None if no polynomial up to `max_degree` proves it."""
-    proofs: dict[str, Proof] = {}
-    known: dict[tuple[Matrix, ...], Proof | None] = {}
-    for name, vertices in channels(problem).items():
-        key = tuple(vertices)
-        if key not in known:  # identical axes are proven once
-            known[key] = prove_lowest(vertices, max_degree)
-        proof = known[key]
+def certify(problem: Problem, max_degree: int = 2, max_rays: int = RAYS[-1]) -> dict[str, Json] | None:
+    """The certificate of a problem as a JSON object, or None if nothing up to `max_degree` and `max_rays` proves it."""
+    proofs: dict[str, AnyProof] = {}
+    known: dict[Channel, AnyProof | None] = {}
+    frequency = float(max(axis.natural_frequency_rad_s for axis in problem.axes.values()))
+    for name, channel in channels(problem).items():
+        if channel not in known:  # identical axes are proven once
+            known[channel] = prove_channel(channel, frequency, max_degree, max_rays)
+        proof = known[channel]
         if proof is None:
             return None
         proofs[name] = proof
     return assemble(problem, proofs)
 
 
-def assemble(problem: Problem, proofs: Mapping[str, Proof]) -> dict[str, Json]:
+def assemble(problem: Problem, proofs: Mapping[str, AnyProof]) -> dict[str, Json]:
     """Certificate from proofs already at hand, one per channel of the problem."""
     stated = statement(problem)
     certificate: dict[str, Json] = {
@@ -118,7 +136,9 @@ def _dyadic(value: float, bits: int) -> Fraction:
     return Fraction(round(math.ldexp(float(value), bits)), 1 << bits)
 
 
-def _proof_json(proof: Proof) -> dict[str, Json]:
+def _proof_json(proof: AnyProof) -> dict[str, Json]:
+    if isinstance(proof, SectorProof):
+        return sector_proof_json(proof)
     return {
         "degree": proof.degree,
         "time_scale": str(proof.time_scale),

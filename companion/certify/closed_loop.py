@@ -13,9 +13,11 @@ import itertools
 from collections.abc import Iterable
 from fractions import Fraction
 
+from companion.attitude_response.exact import ends
 from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
 from companion.attitude_response.response import corners
 from companion.certify.problem import AxisProblem
+from companion.certify.sectors import Channel, Loop
 
 YAW_OCTAGON = tuple(
     corner
@@ -61,13 +63,63 @@ def joint_vertices(x: AxisProblem, y: AxisProblem) -> list[Matrix]:
     ValueError
         If the attitude responses of the two axes have different order.
     """
-    pairs = list(itertools.product(corners(x.response), corners(y.response)))
+    return _joint(x, y, list(itertools.product(corners(x.response), corners(y.response))))
+
+
+def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSpace]]) -> list[Matrix]:
     if len(pairs[0][0].b) != len(pairs[0][1].b):
         raise ValueError("a free yaw needs attitude responses of the same order on both axes")
     bounds = list(itertools.product(weight_corners(x), weight_corners(y)))
     return _distinct(
         _joint_closed_loop((x, y), weights, pair, yaw) for pair in pairs for yaw in YAW_OCTAGON for weights in bounds
     )
+
+
+def axis_channel(problem: AxisProblem) -> Channel:
+    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response."""
+    corners_ = tuple(
+        tuple(_loop(_closed_loop(problem, weights, actuator), 1) for weights in _all_weights(problem))
+        for actuator in problem.response.dynamics.corners()
+    )
+    return Channel(corners_, tuple(ends(problem.response.delay_s)))
+
+
+def joint_channel(x: AxisProblem, y: AxisProblem) -> Channel:
+    """Both axes with the yaw free to turn, and one delay in common: that of the vehicle and its link.
+
+    `Problem` has seen to it that the delay is the same, and that with one the output does not turn.
+
+    Raises
+    ------
+    ValueError
+        If the attitude responses have different order.
+    """
+    responses = (x.response.dynamics.corners(), y.response.dynamics.corners())
+    vertices = _joint(x, y, list(itertools.product(*responses)))
+    loops = [_loop(vertex, 2) for vertex in vertices]
+    if x.response.delay_s.upper and len({loop.c for loop in loops}) > 1:
+        raise ValueError(
+            "a free yaw with a delay needs responses of first or second order"
+        )  # its output would turn too
+    return Channel(tuple((loop,) for loop in loops), tuple(ends(x.response.delay_s)))
+
+
+def _loop(vertex: Matrix, channels: int) -> Loop:
+    """The loop cut where the attitude response drives the velocities."""
+    n, first = len(vertex), 2 * channels
+    a, e, c = [list(row) for row in vertex], [[ZERO] * channels for _ in range(n)], []
+    for number in range(channels):
+        row = channels + number
+        c.append((*(ZERO for _ in range(first)), *vertex[row][first:]))  # g y: a specific force
+        a[row][first:] = [ZERO] * (n - first)
+        e[row][number] = ONE
+    return Loop(tuple(map(tuple, a)), tuple(map(tuple, e)), tuple(c))
+
+
+def _all_weights(problem: AxisProblem) -> list[tuple[Fraction, Fraction]]:
+    """The four corners of the projection box in order, also where two of them are one."""
+    positions, velocities = zip(problem.weights_lower, problem.weights_upper, strict=True)
+    return [(Fraction(p), Fraction(v)) for p in positions for v in velocities]
 
 
 def weight_corners(problem: AxisProblem) -> list[tuple[Fraction, Fraction]]:

@@ -55,7 +55,7 @@ class Design(NamedTuple):
 def design(
     problem: Problem,
     margin: Decimal,
-    degrees: Sequence[int],
+    counts: Sequence[int],
     progress: Callable[[float, str], None] = lambda _fraction, _text: None,
 ) -> Design | None:
     """Choose the reference model.
@@ -66,8 +66,8 @@ def design(
         The template's axes with the identified responses in place of its own.
     margin
         What the reference model is certified with in hand: the attitude loop slower, and its delay longer, by so much.
-    degrees
-        Of the Lyapunov functions to try.
+    counts
+        Rays of the Lyapunov functions to try, none for a quadratic one.
     progress
         Told the fraction done and what is being done.
 
@@ -82,7 +82,7 @@ def design(
     for index, (name, axis) in enumerate(slowed.items()):
         progress(0.8 * index / len(slowed), f"axis {name}: fastest reference model")
         if axis not in known:
-            found = fastest_reference(axis, degrees)
+            found = fastest_reference(axis, counts)
             if found is None:
                 return None
             known[axis] = found.value
@@ -142,8 +142,8 @@ def _limit(axis: AxisProblem) -> str:
     if not delay.upper:
         return "attitude bandwidth"
     shorter = Interval(delay.lower / _NUDGE, delay.upper / _NUDGE)
-    with_less_delay = fastest_reference(replace(axis, response=replace(axis.response, delay_s=shorter)), (2,))
-    with_more_bandwidth = fastest_reference(with_bandwidth(axis, tuned_bandwidth(axis.response) * _NUDGE), (2,))
+    with_less_delay = fastest_reference(replace(axis, response=replace(axis.response, delay_s=shorter)), (0,))
+    with_more_bandwidth = fastest_reference(with_bandwidth(axis, tuned_bandwidth(axis.response) * _NUDGE), (0,))
     by_delay = 0 if with_less_delay is None else with_less_delay.value
     by_bandwidth = 0 if with_more_bandwidth is None else with_more_bandwidth.value
     return "delay" if by_delay > by_bandwidth else "attitude bandwidth"
@@ -153,7 +153,7 @@ def _with_10_ms_more(axis: AxisProblem) -> Decimal:
     """The fastest reference model with that much more delay, rad/s; zero where none is certified."""
     delay, more = axis.response.delay_s, Decimal("0.01")
     late = replace(axis.response, delay_s=Interval(delay.lower + more, delay.upper + more))
-    found = fastest_reference(replace(axis, response=late), (2,))
+    found = fastest_reference(replace(axis, response=late), (0,))
     return Decimal(0) if found is None else found.value
 
 

@@ -1,4 +1,4 @@
-"""Picture: the bandwidth that delay asks for, one curve a degree, beside what is proven unstable."""
+"""Picture: the bandwidth that delay asks for, quadratic and by sectors, beside what is unstable."""
 
 from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.certify.bandwidth import minimum_bandwidth, tuned_bandwidth, with_bandwidth, with_delay
+from companion.certify.bandwidth import minimum_bandwidth_by_rays, tuned_bandwidth, with_bandwidth, with_delay
 from companion.certify.falsify import unstable_bandwidth
 from companion.certify.problem import AxisProblem
 
@@ -19,7 +19,7 @@ class DelayCurves(NamedTuple):
     delays_s
         Transport delays.
     needed
-        Least certified bandwidth by degree, one value a delay.
+        Least certified bandwidth by rays, none for a quadratic function, one value a delay.
     unstable
         Bandwidth proven unstable, one value a delay.
     """
@@ -32,7 +32,7 @@ class DelayCurves(NamedTuple):
 def delay_curves(
     problem: AxisProblem,
     delays_s: Sequence[Decimal],
-    degrees: Sequence[int] = (2, 4),
+    counts: Sequence[int] = (0, 8, 16),
     progress: Callable[[float], None] | None = None,
 ) -> DelayCurves:
     """Both bounds of the bandwidth over a range of delays.
@@ -43,20 +43,20 @@ def delay_curves(
         Axis; its own delay is replaced.
     delays_s
         Delays in s.
-    degrees
-        Even degrees, rising.
+    counts
+        Rays, rising; none for a quadratic function.
     progress
         Called with the fraction done.
     """
-    needed: dict[int, list[float | None]] = {degree: [] for degree in degrees}
+    needed: dict[int, list[float | None]] = {count: [] for count in counts}
     unstable: list[float | None] = []
     for index, delay in enumerate(delays_s):
         delayed = with_delay(problem, delay)
         below: float | None = None
-        for degree in degrees:
-            found = minimum_bandwidth(delayed, degree, below=below)
+        for count in counts:
+            found = minimum_bandwidth_by_rays(delayed, count, below=below)
             below = float(found.value) if found else below
-            needed[degree].append(float(found.value) if found else None)
+            needed[count].append(float(found.value) if found else None)
         shown = unstable_bandwidth(
             partial(with_bandwidth, delayed), below or 2 * float(tuned_bandwidth(problem.response))
         )
@@ -64,7 +64,7 @@ def delay_curves(
         if progress is not None:
             progress((index + 1) / len(delays_s))
     return DelayCurves(
-        tuple(float(d) for d in delays_s), {degree: tuple(values) for degree, values in needed.items()}, tuple(unstable)
+        tuple(float(d) for d in delays_s), {count: tuple(values) for count, values in needed.items()}, tuple(unstable)
     )
 
 
@@ -93,11 +93,19 @@ def plot_delay(problem: AxisProblem, curves: DelayCurves, path: Path | str, name
     axes = figure.add_subplot()
 
     axes.fill_between(milliseconds, 0, unstable, color="#d9534f", alpha=0.25, linewidth=0)
-    axes.plot(milliseconds, unstable, color="#b52b27", linewidth=1.2, label="proven unstable below")
+    axes.plot(milliseconds, unstable, color="#b52b27", linewidth=1.2, label="unstable below")
     shades = [str(0.6 * i / max(1, len(curves.needed) - 1)) for i in reversed(range(len(curves.needed)))]
-    for (degree, values), shade in zip(curves.needed.items(), shades, strict=True):
+    for (count, values), shade in zip(curves.needed.items(), shades, strict=True):
+        method = f"{count} sectors" if count else "quadratic"
         line = [float("nan") if v is None else v for v in values]
-        axes.plot(milliseconds, line, color=shade, marker=".", linewidth=1.6, label=f"certified above, degree {degree}")
+        axes.plot(
+            milliseconds,
+            line,
+            color=shade,
+            marker=".",
+            linewidth=1.6,
+            label=f"certified above, {method}",
+        )
     axes.plot(
         [delay_ms], [tuned], "*", color="#1f5fbf", markersize=15, label=f"tuned: {tuned:g} rad/s, {delay_ms:g} ms"
     )

@@ -11,6 +11,7 @@ from fractions import Fraction
 
 from companion.attitude_response.exact import check_frequency
 from companion.attitude_response.response import AttitudeResponse
+from companion.attitude_response.transfer_function import TransferFunction
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,11 @@ class AxisProblem:
                 raise ValueError(
                     f"weight bounds [{lower}, {upper}] do not contain the nominal {name} weight {float(nominal):.4g}"
                 )
+        dynamics, delayed = self.response.dynamics, self.response.delay_s.upper > 0
+        if isinstance(dynamics, TransferFunction) and len(dynamics.denominator) == 2 and delayed:
+            constant = dynamics.denominator[-1]
+            if constant.lower != constant.upper:  # the slope of the output is then no affine function of it
+                raise ValueError("a transfer function of first order with an interval and a delay: use bandwidth_rad_s")
         period = 2 * math.pi / float(self.natural_frequency_rad_s)
         if float(self.response.delay_s.upper) >= period:
             raise ValueError(f"delay {self.response.delay_s.upper} s is not below the reference period {period:.3g} s")
@@ -118,6 +124,15 @@ class Problem:
             raise ValueError("a problem has at least one axis")
         if self.yaw_free and len(self.axes) != 2:
             raise ValueError("a free yaw mixes two axes: give both")
+        responses = [axis.response for axis in self.axes.values()]
+        if self.yaw_free and responses[0].delay_s != responses[1].delay_s:
+            raise ValueError("a free yaw needs the same delay on both axes")
+        if (
+            self.yaw_free
+            and responses[0].delay_s.upper
+            and any(isinstance(response.dynamics, TransferFunction) for response in responses)
+        ):  # its output turns with the yaw, and the delay does not
+            raise ValueError("a free yaw with a delay needs responses of first or second order")
         if self.sampling and set(self.sampling) != set(self.axes):
             raise ValueError("sampling must be given for every axis or for none")
 

@@ -11,6 +11,8 @@ floating point is involved."""
 
 import json
 import math
+import os
+import stat
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -18,15 +20,20 @@ from typing import NamedTuple
 
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
-from companion.certify.closed_loop import axis_vertices, joint_vertices
+from companion.certify.closed_loop import axis_channel, joint_channel
+from companion.certify.elimination import positive_definite
+from companion.certify.held import grows
 from companion.certify.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
+from companion.certify.rational import list_of, rational, rationals
 from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sector_proof import KEYS as SECTOR_KEYS
+from companion.certify.sector_proof import check_sectors, sector_proof_of
+from companion.certify.sectors import Channel, delayed, whole
 from companion.certify.statement import digest, problem_of
 
 SCHEMA = 1
 MAX_DEGREE = 16
-MAX_BITS = 200  # of a numerator or denominator
 MAX_FILE_BYTES = 4_000_000
 MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
 JOINT = "joint"
@@ -75,9 +82,14 @@ def load(path: Path | str) -> tuple[dict[str, object], str]:
         The JSON object and an empty text, or an empty object and one line that says why there is none.
     """
     try:
-        if Path(path).stat().st_size > MAX_FILE_BYTES:
+        # O_NONBLOCK: opening a pipe would wait for a writer. O_CLOEXEC is Python's own.
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                return {}, f"certificate {path} is not a regular file"
+            text = file.read(MAX_FILE_BYTES + 1)
+        if len(text) > MAX_FILE_BYTES:
             return {}, f"certificate {path} is larger than {MAX_FILE_BYTES} bytes"
-        content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_unique_keys)
+        content = json.loads(text.decode("utf-8"), object_pairs_hook=_unique_keys)
     except OSError as error:
         return {}, f"cannot read certificate {path}: {error.strerror or error}"
     except (ValueError, RecursionError) as error:
@@ -127,31 +139,58 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
         limit = largest_adaptation_rate(stated.axes[name], sampling)
         if not float(sampling.adaptation_rate) < limit:
             return Verdict(False, f"adaptation rate {sampling.adaptation_rate} of axis {name} is not below {limit:.4g}")
+    for name, sampling in stated.sampling.items():
+        if grows(stated.axes[name], sampling):
+            return Verdict(False, f"axis {name} grows when it is held over a tick at {sampling.tick_rate_hz} Hz")
     proofs = certificate["proofs"]
     wanted = channels(stated)
     if not isinstance(proofs, Mapping) or set(proofs) != set(wanted):
         return Verdict(False, f"certificate must prove exactly: {', '.join(wanted)}")
-    known: set[tuple[tuple[Matrix, ...], str]] = set()
-    degrees = []
-    for name, vertices in wanted.items():
-        proof = _proof_of(proofs[name])
-        degrees.append(f"{name} by degree {proof.degree}")
-        key = (tuple(vertices), digest(proofs[name]))
-        if key in known:  # identical axes are checked once
-            continue
-        failure = check(proof, vertices)
-        if failure:
-            return Verdict(False, f"proof of {name} fails: {failure}")
-        known.add(key)
-    return Verdict(True, "verified exactly: " + ", ".join(degrees))
+    known: dict[tuple[Channel, str], str] = {}
+    for name, channel in wanted.items():
+        key = (channel, digest(proofs[name]))
+        if key not in known:  # identical axes are checked once
+            known[key], failure = _checked(proofs[name], channel)
+            if failure:
+                return Verdict(False, f"proof of {name} fails: {failure}")
+    told = [f"{name} by {known[channel, digest(proofs[name])]}" for name, channel in wanted.items()]
+    return Verdict(True, "verified exactly: " + ", ".join(told))
 
 
-def channels(problem: Problem) -> dict[str, list[Matrix]]:
-    """Vertices of everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free."""
+def _checked(stated: object, channel: Channel) -> tuple[str, str]:
+    """What a proof is by, and why it fails; empty if it holds."""
+    if isinstance(stated, Mapping) and set(stated) == SECTOR_KEYS:
+        by_sectors = sector_proof_of(stated, channel)
+        return described(len(by_sectors.rays), channel), check_sectors(by_sectors, channel)
+    proof = _proof_of(stated)
+    if delayed(channel):
+        return "", "it takes the delay as an approximant, which is no delay: run `companion check` again"
+    return f"degree {proof.degree}", check(proof, channel_vertices(channel))
+
+
+def described(rays: int, channel: Channel) -> str:
+    """A proof by sectors in words."""
+    by = f"{rays} sectors" if rays else "a quadratic function"
+    if not delayed(channel):
+        return by
+    return f"{by} for every constant delay of {_milliseconds(channel.delays_s)} ms"
+
+
+def _milliseconds(ends: tuple[Fraction, ...]) -> str:
+    return " to ".join(f"{float(1000 * end):g}" for end in ends)
+
+
+def channels(problem: Problem) -> dict[str, Channel]:
+    """Everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free."""
     if problem.yaw_free:
         x, y = problem.axes.values()
-        return {JOINT: joint_vertices(x, y)}
-    return {name: axis_vertices(axis) for name, axis in problem.axes.items()}
+        return {JOINT: joint_channel(x, y)}
+    return {name: axis_channel(axis) for name, axis in problem.axes.items()}
+
+
+def channel_vertices(channel: Channel) -> list[Matrix]:
+    """Closed-loop matrices of a channel without a delay, none twice."""
+    return list(dict.fromkeys(whole(loop) for corner in channel.corners for loop in corner))
 
 
 def check(proof: Proof, vertices: Sequence[Matrix]) -> str:
@@ -196,27 +235,6 @@ def check(proof: Proof, vertices: Sequence[Matrix]) -> str:
     return ""
 
 
-def positive_definite(lower: Sequence[Sequence[int]]) -> bool:
-    """Whether a symmetric integer matrix, given by its lower triangle, is positive definite.
-
-    Fraction-free LDL^T elimination (Bareiss): the pivots are the leading principal minors, exact integers (Sylvester).
-    """
-    rows = [list(row[: i + 1]) for i, row in enumerate(lower)]
-    previous = 1
-    for k, pivot_row in enumerate(rows):
-        pivot = pivot_row[k]
-        if pivot <= 0:
-            return False
-        column = [rows[i][k] for i in range(k + 1, len(rows))]
-        for i, factor in enumerate(column, start=k + 1):
-            row = rows[i]
-            row[k + 1 :] = [
-                (pivot * entry - factor * other) // previous for entry, other in zip(row[k + 1 :], column, strict=False)
-            ]
-        previous = pivot
-    return True
-
-
 def inverse(matrix: Matrix) -> Matrix | None:
     """Exact inverse by Gauss-Jordan elimination, or None if the matrix is singular."""
     n = len(matrix)
@@ -252,31 +270,11 @@ def _proof_of(stated: object) -> Proof:
         raise ValueError("degree is not an integer")
     return Proof(
         degree,
-        _rational(stated["time_scale"]),
-        tuple(_rationals(row) for row in _list(stated["coordinates"])),
-        _rationals(stated["lyapunov"]),
-        tuple(_rationals(row) for row in _list(stated["multipliers"])),
+        rational(stated["time_scale"]),
+        tuple(rationals(row) for row in list_of(stated["coordinates"])),
+        rationals(stated["lyapunov"]),
+        tuple(rationals(row) for row in list_of(stated["multipliers"])),
     )
-
-
-def _rationals(stated: object) -> tuple[Fraction, ...]:
-    return tuple(_rational(item) for item in _list(stated))
-
-
-def _rational(stated: object) -> Fraction:
-    if not isinstance(stated, str) or len(stated) > 200 or not set(stated) <= set("-/0123456789"):
-        raise ValueError("a number is not a rational of the form -3/8")
-    number = Fraction(stated)
-    # Powers of two, as the writer makes them: a common denominator is then one of them, and no file stalls this check.
-    if number.denominator & (number.denominator - 1) or max(number.denominator, abs(number.numerator)) >> MAX_BITS:
-        raise ValueError(f"a number is not a short multiple of a power of two: {stated[:40]}")
-    return number
-
-
-def _list(stated: object) -> list[object]:
-    if not isinstance(stated, (list, tuple)):
-        raise ValueError("a list is missing")
-    return list(stated)
 
 
 def _symmetric(lower: list[int], size: int) -> list[list[int]]:

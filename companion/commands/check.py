@@ -31,8 +31,9 @@ class Arguments(NamedTuple):
 
     config: ConfigFile
     degree: int
+    sectors: int
     all_degrees: bool
-    fastest: bool
+    quick: bool
     out: Path | None
     verify: Path | None
     plot: Path | None
@@ -42,9 +43,20 @@ class Arguments(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion check`."""
     add_config(parser)
-    parser.add_argument("--degree", type=int, default=8, help="highest degree of the Lyapunov function (default: 8)")
-    parser.add_argument("--all-degrees", action="store_true", help="the needed bandwidth of each degree up to --degree")
-    parser.add_argument("--fastest", action="store_true", help="also find the fastest certified reference model")
+    parser.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")
+    parser.add_argument(
+        "--sectors",
+        type=int,
+        choices=(0, 8, 16, 32),
+        default=32,
+        help="most sectors of the function (default: 32)",
+    )
+    parser.add_argument(
+        "--degree", type=int, default=2, help="highest degree of a polynomial, without a delay alone (default: 2)"
+    )
+    parser.add_argument(
+        "--all-degrees", action="store_true", help="the needed bandwidth by each degree and by all sectors"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the certificate, if there is one")
     parser.add_argument("--verify", type=Path, metavar="FILE", help="only verify this certificate against the config")
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the needed bandwidth against delay")
@@ -56,8 +68,9 @@ def parse(namespace: argparse.Namespace) -> Arguments:
     return Arguments(
         config_file(namespace),
         namespace.degree,
+        namespace.sectors,
         namespace.all_degrees,
-        namespace.fastest,
+        namespace.quick,
         namespace.out,
         namespace.verify,
         namespace.plot,
@@ -72,37 +85,43 @@ def run(arguments: Arguments) -> int:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
     if arguments.verify is not None:
         return _verify(arguments.verify, stated, as_json=arguments.json)
-    from companion.certify.assess import to_json  # noqa: PLC0415
+    from companion.certify.assess import to_json, verdict_of  # noqa: PLC0415
 
     console = Console(stderr=arguments.json)
-    assessment = _assess(stated, arguments, console)
+    assessment = verdict_of(stated, arguments.degree, arguments.sectors)
     if arguments.out is not None:
         _write(assessment, arguments.out)
+    if assessment.certified:
+        console.print(verdict(assessment))
+        if arguments.out is not None:
+            console.print(f"certificate: {arguments.out}")
+    if not arguments.quick:
+        assessment = _assess(stated, assessment, arguments, console)
     if arguments.plot is not None:
-        _plot(stated, assessment, arguments.plot, console)
+        _plot(stated, arguments.plot, console)
     if arguments.json:
         print(json.dumps(to_json(assessment)))
-    else:
-        for name, axis in assessment.axes.items():
-            console.print(_table(name, axis, assessment, arguments))
+    for name, axis in assessment.axes.items():
+        console.print(_table(name, axis, assessment))
+    if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
-        if assessment.certified and arguments.out is not None:
-            console.print(f"certificate: {arguments.out}")
     return 0 if assessment.certified else 1
 
 
-def _assess(stated: Problem, arguments: Arguments, console: Console) -> Assessment:
+def _assess(stated: Problem, known: Assessment, arguments: Arguments, console: Console) -> Assessment:
     from companion.certify.assess import assess  # noqa: PLC0415
 
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<38}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("certifying", total=1.0)
+        task = progress.add_task("margin", total=1.0)
         return assess(
             stated,
             arguments.degree,
             arguments.all_degrees,
-            arguments.fastest,
+            True,
             lambda fraction, text: progress.update(task, completed=fraction, description=text),
+            arguments.sectors,
+            known,
         )
 
 
@@ -130,11 +149,11 @@ def _write(assessment: Assessment, path: Path) -> None:
         raise ConfigError(f"{path}: cannot write the certificate: {error.strerror}") from None
 
 
-def _plot(stated: Problem, assessment: Assessment, path: Path, console: Console) -> None:
-    """The picture of the axis with the smaller margin."""
+def _plot(stated: Problem, path: Path, console: Console) -> None:
+    """The picture of the axis with the slower attitude loop."""
     from companion.certify.plot import delay_curves, plot_delay  # noqa: PLC0415
 
-    name = min(assessment.axes, key=lambda n: assessment.axes[n].tuned_bandwidth_rad_s)
+    name = min(stated.axes, key=lambda n: stated.axes[n].response.dynamics.bandwidth())
     axis = stated.axes[name]
     longest = max(Decimal("0.06"), 2 * axis.response.delay_s.upper)
     delays = [(longest * k / 6).quantize(Decimal("0.0001")) for k in range(7)]
@@ -147,21 +166,24 @@ def _plot(stated: Problem, assessment: Assessment, path: Path, console: Console)
         raise ConfigError(f"{path}: cannot write the picture: {error}") from None
 
 
-def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: Arguments) -> Table:
+def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
     table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(justify="right")
     tuned = float(axis.tuned_bandwidth_rad_s)
     table.add_row("attitude bandwidth, as tuned", f"{tuned:.3f} rad/s")
     best: float | None = None
-    for degree, certified in axis.minimum_bandwidth.items():
+    by_degree = {f"degree {degree}": found for degree, found in axis.minimum_bandwidth.items() if degree > 2}
+    by_rays = {f"{n} sectors" if n else "a quadratic function": c for n, c in axis.minimum_bandwidth_by_rays.items()}
+    for method, certified in (by_rays | by_degree).items():
         if certified is not None:
             value = float(certified.value)
             best = value if best is None else min(best, value)
             enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
-            table.add_row(f"needed, by degree {degree}", f"{value:.3f} rad/s  {enough}")
+            table.add_row(f"needed, by {method}", f"{value:.3f} rad/s  {enough}")
     if axis.unstable_below is not None:
-        table.add_row("proven unstable below", f"{float(axis.unstable_below[0]):.3f} rad/s")
+        found = "proven unstable below" if not axis.delay_s else "unstable below, by an approximant of the delay"
+        table.add_row(found, f"{float(axis.unstable_below[0]):.3f} rad/s")
     if best is not None:
         table.add_row("margin", f"{100.0 * (tuned / best - 1.0):+.1f} %")
     limit = "none" if axis.maximum_delay is None else f"{1e3 * float(axis.maximum_delay.value):.1f} ms"
@@ -170,11 +192,10 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment, arguments: A
         rate, largest = assessment.adaptation_rates[name]
         enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"
         table.add_row("adaptation rate / stable up to", f"{rate:g} / {_rate(largest)}  {enough}")
-    if arguments.fastest:
-        fastest = axis.fastest_reference
-        table.add_row(
-            "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
-        )
+    fastest = axis.fastest_reference
+    table.add_row(
+        "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
+    )
     return table
 
 
@@ -184,12 +205,15 @@ def _rate(limit: float) -> str:
 
 def verdict(assessment: Assessment) -> str:
     """One sentence."""
+    from companion.certify.assess import delay_intervals  # noqa: PLC0415
+
     if assessment.certified:
-        delayed = any(axis.delay_s for axis in assessment.axes.values())
+        delayed = any(upper > 0.0 for _, upper in (delay_intervals(assessment) or {}).values())
+        by = f"on {assessment.rays} sectors" if assessment.rays else f"of degree {assessment.degree}"
         return (
-            f"[bold green]Certified[/bold green] by a Lyapunov function of degree {assessment.degree}, "
+            f"[bold green]Certified[/bold green] by a Lyapunov function {by}, "
             "verified exactly: no adaptation inside the bounds can destabilise this attitude loop"
-            + (", its delay taken as the Padé approximant of the config." if delayed else ".")
+            + (", whatever its constant delay within the interval." if delayed else ".")
         )
     for name, (rate, limit) in assessment.adaptation_rates.items():
         if rate >= limit:
@@ -197,6 +221,11 @@ def verdict(assessment: Assessment) -> str:
                 f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below "
                 f"{_rate(limit)}, where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
             )
+    for name, rate_hz in assessment.growing.items():
+        return (
+            f"[bold red]Not certified[/bold red]: axis {name} grows when its command is held over a tick at "
+            f"{rate_hz:g} Hz; raise tick.floor_hz."
+        )
     for name, axis in assessment.axes.items():
         if axis.attack is not None:
             growth = axis.attack.spectral_radius
@@ -205,6 +234,6 @@ def verdict(assessment: Assessment) -> str:
                 f"bounds, a switching of {sum(axis.attack.durations_s):.2f} s, that grows {growth:.3g}-fold a period."
             )
     return (
-        "[bold red]Not certified[/bold red] by any degree tried: tune the attitude loop faster, cut the delay, or slow "
+        "[bold red]Not certified[/bold red] by anything tried: tune the attitude loop faster, cut the delay, or slow "
         "the reference model down."
     )

@@ -67,7 +67,7 @@ class ResponseSection(ResponseKeys[Range]):
     """Transport delay of vehicle and link together, both ways. What the certificate leaves of it to the link is the
     default limit of `guards.link_delay_s`."""
     pade_order: Annotated[int, Field(ge=1, le=4)] = 1
-    """Order of the Pade approximant that stands for the delay in the certificate. Each order adds a state."""
+    """Order of the Pade approximant with which `companion check` searches for what is unstable. No proof uses it."""
 
 
 class AttitudeSection(Section):

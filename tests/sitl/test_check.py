@@ -8,8 +8,14 @@ from pathlib import Path
 import pytest
 from harness.command import companion
 
+from companion.certify.certificate import assemble, prove
+from companion.certify.closed_loop import axis_vertices
+from companion.certify.from_config import problem
+from companion.config.load import load_config
+
 ROOT = Path(__file__).resolve().parents[2]
 RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
+PX4 = ROOT / "config" / "px4_quadrotor.yaml"
 NOBODY = ("--link", "udpout://127.0.0.1:9", "--set", "link.connect_timeout_s=0.3")
 
 
@@ -22,11 +28,11 @@ def refused(*arguments: object, cwd: Path = ROOT) -> str:
     return ended.stderr
 
 
-@pytest.mark.parametrize("config", [RIG, QUADROTOR])
+@pytest.mark.parametrize("config", [RIG, QUADROTOR, PX4])
 def test_shipped_certificates_are_those_of_the_shipped_configs(config: Path) -> None:
     ended = companion("check", config, "--verify", config.with_name(f"{config.stem}.certificate.json"))
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout.startswith("verified exactly: x by degree")
+    assert ended.stdout.startswith("verified exactly: x by ")
 
 
 def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path: Path) -> None:
@@ -39,10 +45,14 @@ def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path
     assert x["tuned_bandwidth_rad_s"] == 3.0
     assert {d: v for d, v in x["minimum_bandwidth_rad_s"].items() if v} == {
         "2": pytest.approx(2.904, rel=0.01), "4": pytest.approx(2.743, rel=0.01), "6": pytest.approx(2.667, rel=0.01),
+        "quadratic": pytest.approx(2.904, rel=0.001), "sectors_8": pytest.approx(2.60, rel=0.01),
+        "sectors_16": pytest.approx(2.563, rel=0.005), "sectors_32": pytest.approx(2.545, rel=0.002),
     }  # fmt: skip
     assert x["unstable_below_rad_s"] == pytest.approx(2.525, rel=0.01)
-    assert 0.02 < x["maximum_delay_s"] < 0.03
-    assert x["fastest_natural_frequency_rad_s"] is None
+    assert 0.029 <= x["maximum_delay_s"] < 0.03
+    assert 2.6 < x["fastest_natural_frequency_rad_s"] < 2.75
+    assert report["proof"]["delay"] is None
+    assert report["delay_interval_s"] == {"x": [0.0, 0.0]}
     assert report["adaptation_rate_limit"] > 100
     assert companion("check", RIG, "--verify", out).returncode == 0
 
@@ -58,7 +68,7 @@ def test_not_certified_is_exit_code_1_and_leaves_no_stale_certificate(tmp_path: 
 
 
 def test_an_adaptation_rate_above_the_limit_of_sampling_is_not_certified() -> None:
-    ended = companion("check", RIG, "--degree", "2", "--set", "controller.axes.x.adaptation_rate.hedged=1000")
+    ended = companion("check", RIG, "--quick", "--set", "controller.axes.x.adaptation_rate.hedged=1000")
     assert ended.returncode == 1, ended.stderr
     assert "adaptation rate 1000 is not below" in " ".join(ended.stdout.split())
 
@@ -129,3 +139,56 @@ def test_run_imports_no_solver(tmp_path: Path) -> None:
         cwd=ROOT,
     )
     assert ended.stdout.splitlines()[-1] == "[]", ended.stdout + ended.stderr
+
+
+HELD = {
+    "controller.axes.x.natural_frequency_rad_s": 4,
+    "controller.axes.x.position_weight_bound": "[1.6, 1.8]",
+    "controller.axes.x.velocity_weight_bound": "[0.55, 0.65]",
+    "controller.axes.x.adaptation_rate.hedged": 1,
+    "controller.anchor": "setpoint",
+    "controller.initial_weights": "nominal",
+    "attitude.x.bandwidth_rad_s": 5.5,
+    "tick.rate_hz": 50,
+    "tick.floor_hz": 6,
+}
+DELAYED = {
+    "controller.axes.x.position_weight_bound": "[0.53, 0.55]",
+    "controller.axes.x.velocity_weight_bound": "[0.32, 0.336]",
+    "controller.axes.x.adaptation_rate.hedged": 1,
+    "attitude.x.bandwidth_rad_s": 60,
+    "attitude.x.delay_s": 0.32,
+}
+
+
+def as_once_certified(config: Path, overrides: tuple[str, ...]) -> dict[str, object]:
+    """A certificate by degree 2 that takes a delay as the approximant of the config, as earlier versions wrote it."""
+    stated = problem(load_config(config, overrides))
+    proof = prove(axis_vertices(stated.axes["x"]), 2)
+    assert proof is not None
+    return dict(assemble(stated, {"x": proof}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "why", "reason"),
+    [
+        (HELD, "grows when its command is held", "grows when it is held"),
+        (DELAYED, "Not certified", "grows when it is held"),
+    ],
+)
+def test_what_was_falsely_certified_is_refused_everywhere(
+    changes: dict[str, object], why: str, reason: str, tmp_path: Path
+) -> None:
+    overrides = tuple(f"{key}={value}" for key, value in changes.items())
+    options = [option for override in overrides for option in ("--set", override)]
+    ended = companion("check", RIG, "--quick", *options)
+    assert ended.returncode == 1, ended.stderr
+    assert why in " ".join(ended.stdout.split())
+
+    config, certificate = tmp_path / "mine.yaml", tmp_path / "mine.certificate.json"
+    config.write_text(RIG.read_text())
+    certificate.write_text(json.dumps(as_once_certified(config, overrides)))
+    ended = companion("check", config, "--verify", certificate, *options)
+    assert ended.returncode == 1, ended.stdout
+    assert reason in ended.stderr
+    assert reason in refused("run", config, *NOBODY, *options, cwd=tmp_path)

@@ -95,10 +95,6 @@ CASES = {
     "design with a margin that is no number": Case(
         ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--margin", "nan"), r"companion: --margin nan: "
     ),
-    "design with an odd degree": Case(
-        ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--degree", "3"),
-        r"companion: --degree 3: .*even",
-    ),
     "design with a link of a second": Case(
         ("design", "none.ulg", "--template", RIG, "--out", "new.yaml", "--link-delay", "1"),
         r"companion: --link-delay 1: seconds",

@@ -39,7 +39,7 @@ def designed(tmp_path_factory: pytest.TempPathFactory) -> Designed:
         FULL.read_bytes() if FULL.exists() else lzma.decompress((ROOT / "tests/data" / f"{LOG}.xz").read_bytes())
     )
     out = folder / "my_vehicle.yaml"
-    ended = companion("design", log, "--template", PX4, "--out", out, "--degree", "2", "--json")
+    ended = companion("design", log, "--template", PX4, "--out", out, "--json")
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr
     (line,) = ended.stdout.splitlines()  # one JSON object on stdout, nothing else

@@ -14,14 +14,16 @@ from companion.certify.bandwidth import (
     fastest_reference,
     largest_delay,
     minimum_bandwidth,
+    minimum_bandwidth_by_rays,
     tuned_bandwidth,
     with_bandwidth,
     with_delay,
     with_natural_frequency,
 )
-from companion.certify.closed_loop import axis_vertices
+from companion.certify.closed_loop import axis_channel, axis_vertices
 from companion.certify.falsify import simulate, unstable_bandwidth, worst_switching
 from companion.certify.proof import check
+from companion.certify.sector_proof import check_sectors
 
 
 def least_bandwidths(axis, degrees):
@@ -49,13 +51,18 @@ def test_least_bandwidth_by_degree(case, figures, request):
 @pytest.mark.parametrize(
     ("case", "delay", "figures"),
     [
-        ("rig", "0.02", {2: 3.25, 4: 3.03}),
-        ("rig", "0.05", {2: 3.88, 4: 3.57, 6: 3.48}),
-        ("simulation", "0.02", {2: 7.01, 4: 6.50}),
+        ("rig", "0.02", {0: 3.236, 8: 2.889, 16: 2.844}),
+        ("rig", "0.05", {0: 3.880, 8: 3.436, 16: 3.389}),
+        ("simulation", "0.02", {0: 6.998, 8: 6.250, 16: 6.179}),
     ],
 )
-def test_delay_costs_bandwidth(case, delay, figures, request):
-    assert least_bandwidths(request.getfixturevalue(case)(delay=delay), figures) == pytest.approx(figures, rel=0.01)
+def test_true_delay_costs_bandwidth(case, delay, figures, request):
+    axis, below = request.getfixturevalue(case)(delay=delay), None
+    for count, figure in figures.items():
+        least = minimum_bandwidth_by_rays(axis, count, below=below)
+        assert check_sectors(least.proof, axis_channel(with_bandwidth(axis, least.value))) == ""
+        below = float(least.value)
+        assert below == pytest.approx(figure, rel=3e-3)
 
 
 @pytest.mark.parametrize(("case", "certified", "figure"), [("simulation", 5.165, 5.02), ("rig", 2.614, 2.525)])
@@ -100,19 +107,19 @@ def test_an_interval_needs_more_than_its_lower_end(rig):
 
 
 def test_largest_delay_lies_between_the_figures(rig):
-    found = largest_delay(rig("3.25"), [2, 4])
+    found = largest_delay(rig("3.25"), [0, 8])
     assert 0.02 < float(found.value) < 0.05
     again = with_delay(rig("3.25"), found.value)
-    assert check(found.proof, axis_vertices(again)) == ""
-    assert largest_delay(rig("2.4"), [2]) is None
+    assert check_sectors(found.proof, axis_channel(again)) == ""
+    assert largest_delay(rig("2.4"), [0]) is None
 
 
 def test_fastest_reference_keeps_the_bounds_in_proportion(rig):
     """Time and the first-order bandwidth scale alike: 3 / 2.904 times the configured natural frequency."""
-    found = fastest_reference(rig("3"), [2])
+    found = fastest_reference(rig("3"), [0])
     assert float(found.value) == pytest.approx(2.3 * 3 / 2.904, rel=2e-3)
     faster = with_natural_frequency(rig("3"), found.value)
-    assert check(found.proof, axis_vertices(faster)) == ""
+    assert check_sectors(found.proof, axis_channel(faster)) == ""
 
 
 def with_response(axis, dynamics, delay="0"):

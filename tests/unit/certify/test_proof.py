@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import subprocess
 import sys
 import time
@@ -62,6 +63,60 @@ def test_certificate_of_the_paper_quadrotor(certificate, quadrotor):
     assert certificate["proofs"]["x"]["degree"] == 4  # 5.5 rad/s is not certified by the inequality of the paper
     assert certificate["proofs"]["y"]["degree"] == 2
     assert verify(certificate, statement(quadrotor)) == (True, "verified exactly: x by degree 4, y by degree 2")
+
+
+def test_a_proof_about_an_approximant_of_the_delay_is_refused(rig):
+    """As certificates had it before: the polynomial is right, and the true loop may still grow."""
+    axis = rig("3.4", "0.02")
+    proof = prove(axis_vertices(axis), 2)
+    assert proof is not None
+    verdict = verify(assemble(Problem({"x": axis}), {"x": proof}))
+    assert not verdict.ok
+    assert "approximant" in verdict.reason
+    honest = certify(Problem({"x": axis}))
+    assert verify(honest) == (True, "verified exactly: x by a quadratic function for every constant delay of 20 ms")
+
+
+@pytest.fixture(scope="module")
+def by_sectors():
+    from conftest import rig_axis  # noqa: PLC0415
+
+    found = certify(Problem({"x": rig_axis("2.9", "0.02")}))
+    assert found is not None
+    assert len(found["proofs"]["x"]["rays"]) == 8
+    return found
+
+
+@PROPERTY
+@given(st.data())
+def test_any_changed_number_of_a_proof_by_sectors_is_refused(by_sectors, data):
+    path = data.draw(st.sampled_from(places(by_sectors)))
+    assert not verify(mutated(by_sectors, path, data.draw)).ok
+
+
+@PROPERTY
+@given(st.data())
+def test_malformed_parts_of_a_proof_by_sectors_are_refused_in_one_line(by_sectors, data):
+    path = data.draw(st.sampled_from([p for p in places(by_sectors) if p[0] == "proofs"]))
+    changed = copy.deepcopy(by_sectors)
+    holder = changed
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = data.draw(st.sampled_from([None, -1, 1.5, "1/0", "nan", "", [], {}, [["1"]], "9" * 5000, True]))
+    verdict = verify(resealed(changed))
+    assert not verdict.ok
+    assert "\n" not in verdict.reason
+
+
+def test_a_resealed_proof_by_sectors_of_more_delay_is_refused(by_sectors):
+    forged = copy.deepcopy(by_sectors)
+    forged["problem"]["axes"]["x"]["response"]["delay_s"] = "0.06"
+    for item in forged["assumptions"]:
+        if item["quantity"] == "delay":
+            item["minimum"] = item["maximum"] = "0.06"
+    verdict = verify(resealed(forged))
+    assert not verdict.ok
+    assert "does not fall" in verdict.reason
 
 
 def test_certificate_survives_the_file(certificate, quadrotor, tmp_path):
@@ -146,6 +201,20 @@ def test_unreadable_files_are_refused_in_one_line(text, tmp_path):
     assert load(tmp_path / "missing.json")[1].startswith("cannot read certificate")
 
 
+def test_what_is_no_regular_file_or_has_no_end_is_refused_at_once(tmp_path):
+    pipe = tmp_path / "pipe.json"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero")):
+        content, reason = load(path)
+        assert content == {}
+        assert "is not a regular file" in reason
+    assert "cannot read" in load(tmp_path)[1]
+    large = tmp_path / "large.json"
+    with large.open("wb") as file:
+        file.truncate(10**10)
+    assert "larger than" in load(large)[1]
+
+
 def test_the_solver_says_optimal_and_the_exact_check_refuses(rig):
     """The inequality of the paper as one would type it, for an attitude loop that a counterexample proves unstable."""
     vertices = axis_vertices(rig("2.5"))
@@ -183,6 +252,7 @@ def test_a_believed_margin_counts_for_nothing(rig):
 
 def test_infeasible_problems_get_no_certificate(rig):
     assert certify(Problem({"x": rig("2.4")}), 4) is None
+    assert certify(Problem({"x": rig("60", "0.32")})) is None
 
 
 @given(st.lists(st.lists(st.integers(-9, 9), min_size=4, max_size=4), min_size=4, max_size=4), st.integers(0, 60))
@@ -204,13 +274,15 @@ def test_joint_proof_with_the_yaw_free(rig):
     certificate = certify(problem, 2)
     assert certificate is not None
     assert verify(certificate, statement(problem)).ok
-    separate = certify(Problem(problem.axes), 2)
+    separate = certify(Problem(problem.axes), 2, 0)
     assert not verify(assemble(problem, {"x": prove(axis_vertices(rig("3")), 2)})).ok
     assert not verify(resealed(separate | {"problem": statement(problem)})).ok
 
 
-def test_verification_needs_the_standard_library_alone_and_is_fast(certificate, quadrotor, tmp_path):
+@pytest.mark.parametrize("max_degree", [2, 4])
+def test_verification_needs_the_standard_library_alone_and_is_fast(max_degree, quadrotor, tmp_path):
     path = tmp_path / "certificate.json"
+    certificate = certify(quadrotor, max_degree)  # x by sectors, or by degree 4
     path.write_text(json.dumps({"certificate": certificate, "problem": statement(quadrotor)}))
     program = f"""
 import json, sys, time
@@ -229,7 +301,7 @@ print(json.dumps([verdict.ok, time.process_time() - start, sorted({{m.split(".")
     )
     ok, seconds, modules = json.loads(ran.stdout)
     assert ok
-    assert seconds < 0.1
+    assert seconds < 1.0
     assert set(modules) <= set(sys.stdlib_module_names) | {"companion", "__main__"}
 
 

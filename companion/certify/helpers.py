@@ -1,0 +1,49 @@
+"""Long searches in processes of their own, one a core."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from multiprocessing import get_context
+from typing import Any, Final, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_PROCESSES: Final = 2  # a companion board has as many cores to spare
+_LOOK_S: Final = 0.2  # how often a wait lets Ctrl-C through
+
+
+class Helpers:
+    """Runs functions elsewhere, or here and later where that is not worth it. Leaving it ends what still runs."""
+
+    def __init__(self, elsewhere: bool) -> None:
+        # Spawned: a forked child would inherit the threads' locks of the progress bar.
+        self._pool = get_context("spawn").Pool(_PROCESSES, _leave_interrupts) if elsewhere else None
+
+    def __enter__(self) -> Helpers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.terminate()
+            self._pool.join()
+
+    def call(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[], T]:
+        """Begin a call; what comes back waits for its result."""
+        if self._pool is None:
+            return lambda: function(*args, **kwargs)
+        begun: Any = self._pool.apply_async(function, args, kwargs)
+
+        def result() -> T:
+            while not begun.ready():
+                begun.wait(_LOOK_S)
+            answer: T = begun.get()
+            return answer
+
+        return result
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C is the parent's, who ends the children."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
