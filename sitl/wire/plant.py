@@ -35,7 +35,7 @@ class Plant:
         self.wires: list[Wire] = []
         self.odometry_sent = 0
         self._epoch_us = LOCKSTEP_EPOCH_US if lockstep else time.time_ns() // 1000 - autopilot.time_us
-        self._card = list(logs)
+        self._logs = list(logs)
 
     def add(self, port: Port, profile: Profile, channels: Channels | None = None) -> Wire:
         """One more wire. `channels`: what its frames meet on their way."""
@@ -44,7 +44,7 @@ class Plant:
         component_id = autopilot.parameters.integer("MAV_COMP_ID")
         telemetry = Telemetry(autopilot, system_id, component_id, self._epoch_us)
         streams = Streams(telemetry, profile, autopilot.time_us)
-        services = Services(autopilot, telemetry, streams, system_id, component_id, self._card)
+        services = Services(autopilot, telemetry, streams, system_id, component_id, self._logs)
         wire = Wire(port, streams, services, channels)
         for other in self.wires:
             other.neighbours.append(wire)
@@ -72,7 +72,7 @@ class Plant:
                     frames.clear()
         autopilot.advance(to_us)
         if autopilot.notices:
-            self.tell_all()
+            self.send_notices()
         for wire, frames in zip(wires, outgoing, strict=True):
             if frames:
                 wire.send(frames, to_us)
@@ -90,9 +90,9 @@ class Plant:
                 came = True
                 wire.handle(data, self.autopilot.time_us)
         if came:
-            self.tell_all()
+            self.send_notices()
 
-    def tell_all(self) -> None:
+    def send_notices(self) -> None:
         """Status texts to ground stations, parameters that one link changed to the others."""
         notices = self.autopilot.notices
         for wire in self.wires:

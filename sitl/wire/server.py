@@ -60,7 +60,7 @@ def serve(
     """Put an autopilot on its endpoints and run it until `stop()` is true or a SIGTERM or SIGINT comes.
 
     Args:
-        endpoints: where to listen; in lockstep the one that asks for ODOMETRY leads, the others are guests.
+        endpoints: where to listen; in lockstep the one that asks for ODOMETRY leads, the others are listened to.
         lockstep: which clock; see `sitl.wire.lockstep` and `sitl.wire.realtime`.
         stop: asked at least every 50 ms of wall time.
         on_ready: called once with the UDP port of the first endpoint (0 for a serial line) when all are open.
