@@ -43,13 +43,21 @@ class LockstepTimeoutError(RuntimeError):
 class Lockstep:
     """Runs a plant in lockstep with whoever asks for ODOMETRY first.
 
-    Args: `stop` ends the run; `peer`, the companion, where it runs in the same process.
+    Args: `stop` ends the run; `peer`, the companion, where it runs in the same process; `wall_s`, a clock that goes on
+    while time stands still.
     """
 
-    def __init__(self, plant: Plant, stop: Callable[[], bool], peer: Peer | None) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        stop: Callable[[], bool],
+        peer: Peer | None,
+        wall_s: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._plant = plant
         self._stop = stop
         self._peer = peer
+        self._wall_s = wall_s
         self._silent = False  # the peer did not answer the last sample: ask it instead of the wire
 
     def run(self) -> Iterator[Wait]:
@@ -110,7 +118,7 @@ class Lockstep:
             yield Wait.PEER if self._silent else Wait.ANSWER
             if self._stop():
                 return False
-            now = time.monotonic()
+            now = self._wall_s()
             deadline = deadline or now + SETPOINT_TIMEOUT_S
             if now > deadline:
                 raise LockstepTimeoutError(
@@ -121,9 +129,9 @@ class Lockstep:
 
     def _await_idle(self, leader: Wire, peer: Peer) -> Generator[Wait]:
         """Let the companion take in what needs no set-point, and hear what it has to say to that."""
-        deadline = time.monotonic() + SETPOINT_TIMEOUT_S
+        deadline = self._wall_s() + SETPOINT_TIMEOUT_S
         while not (peer.gone or peer.idle(leader.sent)) and not self._stop():
-            if time.monotonic() > deadline:
+            if self._wall_s() > deadline:
                 raise LockstepTimeoutError(f"lockstep: the companion has not come back within {SETPOINT_TIMEOUT_S} s")
             yield Wait.PEER
         peer.gone = peer.ended
@@ -140,7 +148,7 @@ class Lockstep:
         for wire in wires:
             wire.standing = True
         while not self._stop():
-            now = time.monotonic()
+            now = self._wall_s()
             for wire in wires:
                 if wire.port.connected and wire not in greeted:
                     greeted.add(wire)
