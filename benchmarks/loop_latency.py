@@ -35,6 +35,7 @@ from rich.table import Table
 from companion.mavlink.px4 import Mode
 
 HERE = Path(__file__).resolve().parent
+ECHO = HERE / "echo"
 FLOOR, LEAST, RIVAL, OURS = "C echo", "Python struct", "mavsdk callback", "companion run"
 _READY_S = 20.0
 _WARM_UP_S = 0.5
@@ -92,11 +93,11 @@ class Result:
         }
 
 
-def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
-    """The candidates; the C echo only where there is a compiler."""
+def kinds(config: Path, overrides: list[str], folder: Path, baseline: Path | None) -> list[Kind]:
+    """The candidates; the C echo only where there is a compiler. `baseline`: an older checkout, one more of them."""
     found = []
     if compiler := shutil.which("cc"):
-        subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(HERE / "echo.c")], check=True)
+        subprocess.run([compiler, "-O2", "-o", str(folder / "echo"), str(ECHO / "echo.c")], check=True)
         found.append(Kind(FLOOR, (str(folder / "echo"), "{port}"), "ready", BY_ECHO))
     settings = [part for text in (*_SETTINGS, *overrides) for part in ("--set", text)]
     run = (
@@ -110,12 +111,15 @@ def kinds(config: Path, overrides: list[str], folder: Path) -> list[Kind]:
         "--out",
         str(folder / "flights"),
     )
+    if baseline is not None:
+        older = ("env", f"--chdir={baseline}", f"PYTHONPATH={baseline}", sys.executable)
+        found.append(Kind(f"{OURS}, baseline", (*older, *run, *settings), "engaged", BY_TIME))
     return [
         *found,
         Kind(OURS, (sys.executable, *run, *settings), "engaged", BY_TIME),
-        Kind(LEAST, (sys.executable, str(HERE / "echo_struct.py"), "{port}"), "ready", BY_THRUST),
-        Kind("pymavlink mavutil", (sys.executable, str(HERE / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
-        Kind(RIVAL, (sys.executable, str(HERE / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
+        Kind(LEAST, (sys.executable, str(ECHO / "echo_struct.py"), "{port}"), "ready", BY_THRUST),
+        Kind("pymavlink mavutil", (sys.executable, str(ECHO / "echo_mavutil.py"), "{port}"), "ready", BY_THRUST),
+        Kind(RIVAL, (sys.executable, str(ECHO / "echo_mavsdk.py"), "{port}"), "ready", BY_THRUST),
     ]
 
 
@@ -203,6 +207,9 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", metavar="HZ", default=[250.0, 100.0])
     parser.add_argument("--seconds", type=float, default=10.0, help="measured, per candidate and rate (default: 10)")
     parser.add_argument("--rounds", type=int, default=4, help="how many turns that time is split into (default: 4)")
+    parser.add_argument(
+        "--baseline", type=Path, metavar="DIR", help="an older checkout of this project, flown beside it"
+    )
     parser.add_argument("--only", action="append", metavar="NAME", help="candidates whose name contains this")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     arguments = parser.parse_args()
@@ -215,7 +222,7 @@ def main() -> None:
         folder = Path(name)
         chosen = [
             kind
-            for kind in kinds(arguments.config, arguments.overrides, folder)
+            for kind in kinds(arguments.config, arguments.overrides, folder, arguments.baseline)
             if not arguments.only or any(part in kind.name for part in arguments.only)
         ]
         results = {kind.name: {rate: Result() for rate in arguments.rates} for kind in chosen}

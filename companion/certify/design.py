@@ -68,6 +68,8 @@ def design(
         What the reference model is certified with in hand: the attitude loop slower, and its delay longer, by so much.
     degrees
         Of the Lyapunov functions to try.
+    progress
+        Told the fraction done and what is being done.
 
     Returns
     -------

@@ -132,6 +132,9 @@ class EstimateCorrectionSection(Section):
     velocity_gain: NonNegative = 1.0
     """[1] Share of the disagreement that is added to the velocity. One: at low frequency the velocity is the slope of
     the position."""
+    limit_m_s: Positive = 0.6
+    """Largest disagreement that is believed. A healthy EKF2 with GPS shows 0.6 m/s at most; what is more is a jump or a
+    slide, and the guards' business."""
 
 
 class ControllerSection(Section):

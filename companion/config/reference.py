@@ -96,6 +96,8 @@ def keys(model: type[BaseModel], path: str = "", values: Any = None) -> Iterator
 
     Parameters
     ----------
+    model
+        The section's class.
     path
         Of the section, empty for the whole config.
     values

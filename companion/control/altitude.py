@@ -62,6 +62,14 @@ def step(
 
     Parameters
     ----------
+    params, state
+        Constants of the flight, and the memory after the last tick.
+    z_m, velocity_down_m_s
+        Down, relative to the local origin; downwards.
+    command_z_m
+        Down, where to.
+    dt_s
+        Since the last tick.
     flown_up
         Vertical specific force over g that was commanded over the last tick.
     lowest_up, highest_up

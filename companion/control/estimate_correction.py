@@ -9,8 +9,8 @@ goes the same way (`docs/estimator.md`). So with ``r``, the low-passed differenc
 where the best k_p is about 1/k1 and the best k_v about one: the velocity that the position has, at low frequency.
 
 An estimate that agrees with itself has r = 0. So the model of (18) and the closed loop of (24), which know no
-estimator, are what they were; the certificate does not change. r is bounded by what the estimator does, and enters
-the loop as an error of the estimate does.
+estimator, are what they were; the certificate does not change. r is limited to what a healthy estimator shows, so that
+an estimate that jumps or slides moves the vehicle by no more than k_p and k_v times that limit beyond what it says.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class CorrectionParams(NamedTuple):
     filter_s: float
     position_gain_s: float
     velocity_gain: float
+    limit_m_s: float  # of r
 
 
 class CorrectionState(NamedTuple):
@@ -45,19 +46,21 @@ def step(
     params: CorrectionParams, state: CorrectionState, sample: Odometry, dt_s: float
 ) -> tuple[CorrectionState, Odometry]:
     """(state, the sample with position and velocity corrected)."""
-    tau_s, k_p, k_v = params
+    tau_s, k_p, k_v, limit = params
     north, east = state
     share = 1.0 - math.exp(-dt_s / tau_s)
     north += share * (sample.x_m + tau_s * sample.vx_m_s - north)
     east += share * (sample.y_m + tau_s * sample.vy_m_s - east)
-    r_north, r_east = (sample.x_m - north) / tau_s, (sample.y_m - east) / tau_s
+    r_north = min(max((sample.x_m - north) / tau_s, -limit), limit)
+    r_east = min(max((sample.y_m - east) / tau_s, -limit), limit)
     corrected = sample._replace(
         x_m=sample.x_m + k_p * r_north,
         y_m=sample.y_m + k_p * r_east,
         vx_m_s=sample.vx_m_s + k_v * r_north,
         vy_m_s=sample.vy_m_s + k_v * r_east,
     )
-    return CorrectionState(north, east), corrected
+    # Where r was limited the state follows, or a jump would be worked off for seconds.
+    return CorrectionState(sample.x_m - tau_s * r_north, sample.y_m - tau_s * r_east), corrected
 
 
 def reseat(state: CorrectionState, jump: Jump) -> CorrectionState:

@@ -50,8 +50,14 @@ def step(params: HoverParams, state: HoverState, velocity_down_m_s: float, lift:
 
     Parameters
     ----------
+    params, state
+        Constants of the flight, and the memory after the last tick.
+    velocity_down_m_s
+        As estimated now.
     lift
         T R33: the normalised thrust flown over the last tick, times the vertical part of the thrust direction.
+    dt_s
+        Since the last tick.
     """
     rate, bandwidth, lower, upper, slew, gravity = params
     hover, inverse, filtered_velocity, filtered_lift = state

@@ -26,6 +26,8 @@ def limit(
 
     Parameters
     ----------
+    params
+        What the limits are.
     x, y, up
         Wanted specific force over g, `up` positive; 1 up is hover.
     hover_thrust

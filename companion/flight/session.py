@@ -33,7 +33,7 @@ class Ending(NamedTuple):
 
 
 class Session:
-    """One flight's state. Every attribute is written in one place (tests/unit/test_session.py).
+    """One flight's state. Every attribute is written in one place (tests/unit/flight/test_session.py).
 
     Attributes, besides the parts: `state` and `ending` of authority, the second once released; `fault`, why control is
     to end; `sample`, the newest odometry taken; `hands_off`, see `authority.hands_off`; `streamed` and `engaged`,

@@ -50,7 +50,8 @@ _BATTERY_V: Final = 16.2
 class StatusMessages:
     """Builders of the seldom messages.
 
-    Args: `unix_epoch_us` is the wall time at simulated time zero, for SYSTEM_TIME.
+    Args: `autopilot` is what is told of; `system_id` and `component_id` are who tells; `unix_epoch_us` is the wall time
+    at simulated time zero, for SYSTEM_TIME.
     Attributes: `builders` by message id; each takes the sequence number and returns the frame.
     """
 

@@ -39,7 +39,8 @@ def covariances(health: Health) -> list[float]:
 class Telemetry:
     """Builders of every message the plant sends by itself.
 
-    Args: `unix_epoch_us` is the wall time at simulated time zero, for SYSTEM_TIME.
+    Args: `autopilot` is what is told of; `system_id` and `component_id` are who tells; `unix_epoch_us` is the wall time
+    at simulated time zero, for SYSTEM_TIME.
     Attributes: `builders` by message id; each takes the sequence number and returns the frame. `pack` frames a
     pymavlink message.
     """

@@ -30,15 +30,17 @@ class Stoppable(Protocol):
 class Happening(Protocol):
     """Something that befalls a flight."""
 
-    def happen(self, run: ScenarioRun) -> None: ...
+    def happen(self, run: ScenarioRun) -> None:
+        """Do it to this flight, now."""
 
 
 class ScenarioRun:
     """One flight. Time in the script counts from where OFFBOARD began.
 
-    Args: `script` of (s, what happens); `before` happens at once; `limit_s` after which the operator ends it;
-    `coast_s` for how long the plant runs on after the companion has ended; `pilot` whether somebody switches to
-    OFFBOARD once the companion streams.
+    Args: `world` that it flies in; `script` of (s, what happens); `before` happens at once; `limit_s` after which the
+    operator ends it; `coast_s` for how long the plant runs on after the companion has ended; `pilot` whether somebody
+    switches to OFFBOARD once the companion streams, `engage` whether the companion does it itself; `companion_ids`
+    system and component.
     """
 
     def __init__(

@@ -122,8 +122,8 @@ class Rig:
 class Quadrotor:
     """The 6-DoF quadrotor, on flat ground at z = 0 until its thrust lifts it.
 
-    Args: `thrust_factor`, thrust at a set-point over what `hover_thrust` and the mass of the config imply;
-    `angle_delays_s`, of roll, pitch and yaw, on top of `delay_s`.
+    Args: `params` of the physics, for steps of `dt_s`; `thrust_factor`, thrust at a set-point over what `hover_thrust`
+    and the mass of the config imply; `angle_delays_s`, of roll, pitch and yaw, on top of `delay_s`.
     """
 
     can_fly = True

@@ -78,8 +78,8 @@ class MemoryPort:
 class MemoryLink(ABC):
     """The companion's end, a `companion.mavlink.link.Link`, and the plant behind it.
 
-    Args: `stop` ends the plant; `channels`, what frames meet on their way; `peer`, who knows when the companion has
-    ended, where the plant is to fly on after it (then `finish` must be called).
+    Args: `autopilot` of the plant; `stop` ends it; `channels`, what frames meet on their way; `peer`, who knows when
+    the companion has ended, where the plant is to fly on after it (then `finish` must be called).
     Attributes: `wall`, the clock for the companion.
     """
 

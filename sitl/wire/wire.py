@@ -39,7 +39,8 @@ class Peer(Protocol):
     gone: bool
 
     @property
-    def ended(self) -> bool: ...
+    def ended(self) -> bool:
+        """Whether it will not answer any more."""
 
     def idle(self, sent: int) -> bool:
         """Whether it has taken in `sent` datagrams and waits for the next, or has ended."""

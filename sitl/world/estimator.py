@@ -42,7 +42,8 @@ class Lag(NamedTuple):
 class Estimator:
     """Reports the state of a vehicle, wrongly. Call it for the estimate now; the same instant gives the same answer.
 
-    Args: `truth` of now, `now_us` simulated time, `random` of its own.
+    Args: `truth` of now, `now_us` simulated time, `random` of its own; `noise`, `lag` and `error` of what it reports,
+    where there are any.
     Attributes: `frozen` repeats the last report; `not_a_number` puts NaN into the position; `drift_ned_m_s` moves the
     reported position without touching the velocity; `yaw_offset_rad` and `offset_ned_m` of the report from the truth.
     """

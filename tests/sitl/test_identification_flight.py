@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
-from harness.processes import PATIENT
+from harness.command import companion
+from harness.processes import PATIENT, ROOT, finish, served
 
-import companion.certify.assess
-from companion.cli import main
+from companion.certify import assess
 from companion.config import load_config
 from companion.record.reader import read_flight
 
-ROOT = Path(__file__).resolve().parents[2]
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
 # Wind with a drift of its own, an estimate that is noisy and late, and a link that delays and loses.
 NOT_IDEAL = """\
@@ -33,59 +29,28 @@ LINK_S = 0.004 + 0.001 + 0.004 + 0.001  # both ways, with the mean of the jitter
 TRUE = {"roll": (9.7, 0.94), "pitch": (9.5, 0.92)}
 
 
-class Ended(NamedTuple):
-    code: object
-    out: str
-    err: str
-
-
-@pytest.fixture
-def companion_(capfd: pytest.CaptureFixture[str]) -> object:
-    """The command, in this process."""
-
-    def call(*arguments: object) -> Ended:
-        with pytest.raises(SystemExit) as ended:
-            main([str(argument) for argument in arguments])
-        out, err = capfd.readouterr()
-        assert "Traceback" not in err
-        return Ended(ended.value.code, out, err)
-
-    return call
-
-
 def fly_for_real(config: Path, out: Path) -> tuple[int, str, str]:
     """`companion run` by the wall clock against a plant in a process of its own."""
-    command = [sys.executable, "-u", "-m", "companion"]
-    serving = [*command, "sitl", str(config), "--serve", "--port", "0"]
-    with subprocess.Popen(serving, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=ROOT) as plant:
-        try:
-            assert plant.stdout is not None
-            port = plant.stdout.readline().split()[-1]
-            short = (
-                "--set",
-                "mission.duration_s=4",
-                "--set",
-                "mission.waypoints=[{at_s: 1, offset_ned_m: [0.3, 0, 0]}]",
-            )
-            link = ("--link", f"udpout://127.0.0.1:{port}")
-            ended = subprocess.run(
-                [*command, "run", str(config), *link, "--engage", "--out", str(out), *short, *PATIENT, *BUSY],
-                check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT, timeout=60,
-            )  # fmt: skip
-        finally:
-            plant.terminate()
+    short = (
+        "--set", "mission.duration_s=4", "--set", "mission.waypoints=[{at_s: 1, offset_ned_m: [0.3, 0, 0]}]",
+    )  # fmt: skip
+    with served(config=config) as port:
+        link = ("--link", f"udpout://127.0.0.1:{port}")
+        ended = finish("run", config, *link, "--engage", "--out", out, *short, *PATIENT, *BUSY)
     return ended.returncode, ended.stdout, ended.stderr
 
 
-def test_doublets_identify_check_run(companion_, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_doublets_identify_check_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Acceptance 4."""
     mine, folder = tmp_path / "my.yaml", tmp_path / "identification"
     mine.write_text(PX4.read_text().replace("  setpoint_delay_s: 0.03\n", NOT_IDEAL))
 
     # the flight
-    flight = companion_("sitl", mine, "--identify", "--out", folder, "--json")
-    assert flight.code == 0, flight.err
-    assert json.loads(flight.out) == {
+    flight = companion("sitl", mine, "--identify", "--out", folder, "--json")
+    assert flight.returncode == 0, flight.stderr
+    assert json.loads(flight.stdout) == {
         "config": str(mine),
         "complete": True,
         "reason": "mission_complete",
@@ -95,9 +60,9 @@ def test_doublets_identify_check_run(companion_, tmp_path: Path, monkeypatch: py
 
     # the response: what it is, its delay with the link's
     before = load_config(mine)
-    identified = companion_("identify", folder / "hedged", "--config", mine, "--write", "--json")
-    assert identified.code == 0, identified.err
-    axes = json.loads(identified.out)["axes"]
+    identified = companion("identify", folder / "hedged", "--config", mine, "--write", "--json")
+    assert identified.returncode == 0, identified.stderr
+    axes = json.loads(identified.stdout)["axes"]
     for angle, (frequency, damping) in TRUE.items():
         axis = axes[angle]
         assert axis["chosen"] == "second_order_delay"
@@ -114,11 +79,11 @@ def test_doublets_identify_check_run(companion_, tmp_path: Path, monkeypatch: py
 
     # the certificate. What `check` tells beside it, how far from unstable and how much more delay would do, takes it
     # minutes for intervals, and is tested elsewhere.
-    monkeypatch.setattr(companion.certify.assess, "unstable_bandwidth", lambda *_args, **_kwargs: None)
-    monkeypatch.setattr(companion.certify.assess, "largest_delay", lambda *_args, **_kwargs: None)
+    monkeypatch.setattr(assess, "unstable_bandwidth", lambda *_args, **_kwargs: None)
+    monkeypatch.setattr(assess, "largest_delay", lambda *_args, **_kwargs: None)
     certificate = tmp_path / "my.certificate.json"
-    checked = companion_("check", mine, "--degree", "4", "--out", certificate, "--json")
-    assert checked.code == 0, checked.err + checked.out
+    checked = companion("check", mine, "--degree", "4", "--out", certificate, "--json")
+    assert checked.returncode == 0, checked.stderr + checked.stdout
     assert certificate.exists()
     monkeypatch.undo()
 

@@ -107,7 +107,7 @@ def correction_params(config: Config) -> CorrectionParams | None:
     section = config.controller.estimate_correction
     if section is None:
         return None
-    return CorrectionParams(section.filter_s, section.position_gain_s, section.velocity_gain)
+    return CorrectionParams(section.filter_s, section.position_gain_s, section.velocity_gain, section.limit_m_s)
 
 
 def initial_weights(config: Config, params: AxisParams) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from companion.certify.problem import Problem
 from companion.certify.proof import check, load, positive_definite, verify
 from companion.certify.statement import digest, problem_of, statement
 
-PROPERTY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+PROPERTY = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def places(content, path=()):
@@ -186,7 +186,7 @@ def test_infeasible_problems_get_no_certificate(rig):
 
 
 @given(st.lists(st.lists(st.integers(-9, 9), min_size=4, max_size=4), min_size=4, max_size=4), st.integers(0, 60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_positive_definite_agrees_with_eigenvalues(rows, shift):
     matrix = np.array(rows) + np.array(rows).T + shift * np.eye(4, dtype=int)
     smallest = np.linalg.eigvalsh(matrix)[0]
@@ -216,9 +216,9 @@ def test_verification_needs_the_standard_library_alone_and_is_fast(certificate, 
 import json, sys, time
 from companion.certify.proof import verify
 content = json.load(open({str(path)!r}))
-start = time.perf_counter()
+start = time.process_time()
 verdict = verify(content["certificate"], content["problem"])
-print(json.dumps([verdict.ok, time.perf_counter() - start, sorted({{m.split(".")[0] for m in sys.modules}})]))
+print(json.dumps([verdict.ok, time.process_time() - start, sorted({{m.split(".")[0] for m in sys.modules}})]))
 """
     root = Path(companion.certify.__file__).parents[2]
     ran = subprocess.run(
@@ -236,9 +236,9 @@ print(json.dumps([verdict.ok, time.perf_counter() - start, sorted({{m.split(".")
 def test_verification_of_degree_eight_is_fast_too(simulation):
     proof = prove(axis_vertices(simulation("5.3")), 8)
     assert proof is not None
-    start = time.perf_counter()
+    start = time.process_time()
     assert check(proof, axis_vertices(simulation("5.3"))) == ""
-    assert time.perf_counter() - start < 0.1
+    assert time.process_time() - start < 0.1
     assert all(v.denominator & (v.denominator - 1) == 0 for v in proof.lyapunov)
     assert isinstance(proof.time_scale, Fraction)
 
@@ -256,8 +256,8 @@ def test_long_denominators_are_refused_before_they_cost_time(certificate):
     forged = copy.deepcopy(certificate)
     entries = forged["proofs"]["x"]["lyapunov"]
     forged["proofs"]["x"]["lyapunov"] = [f"1/{10**90 + 2 * k + 1}" for k in range(len(entries))]
-    begun = time.perf_counter()
+    begun = time.process_time()
     verdict = verify(resealed(forged))
     assert not verdict.ok
     assert "power of two" in verdict.reason
-    assert time.perf_counter() - begun < 1.0
+    assert time.process_time() - begun < 1.0

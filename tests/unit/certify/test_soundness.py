@@ -57,7 +57,7 @@ def axes(draw):
 
 
 @given(axes(), st.sampled_from([2, 2, 4]), st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_certified_systems_never_grow(axis, degree, seed):
     generator = np.random.default_rng(seed)
     vertices = axis_vertices(axis)
@@ -91,7 +91,7 @@ def test_worst_switching_of_a_certified_system_dies_out(rig, bandwidth, degree):
 
 
 @given(axes())
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 def test_bounds_never_cross(axis):
     """No counterexample where there is a proof."""
     slowed = with_bandwidth(axis, Decimal(f"{float(axis.natural_frequency_rad_s) * 1.6:.3f}"))
