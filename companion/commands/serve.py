@@ -11,7 +11,7 @@ from companion.mavlink.signing import read_key
 from sitl.build import build_world
 from sitl.messages.log_download import read_log
 from sitl.wire.lockstep import LockstepTimeoutError
-from sitl.wire.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
+from sitl.wire.ports import GROUND_STATION, NOBODY, Endpoint, UdpEndpoint, parse_serial
 from sitl.wire.server import serve
 
 PX4_ONBOARD_PORT = 14580
@@ -46,6 +46,8 @@ def run(arguments: Arguments) -> int:
         station_port = GROUND_STATION.port if arguments.port is None and arguments.link is None else 0
     try:
         first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
+        if first == UdpEndpoint(0):  # on a port that nobody can know it waits for whoever started it, and calls nobody
+            first = UdpEndpoint(0, NOBODY)
         serve(
             world.autopilot,
             # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.

@@ -7,7 +7,6 @@ that may come after the set-point are `watch`.
 from __future__ import annotations
 
 import contextlib
-import time
 import traceback
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 from companion.config.schema import Config
 from companion.control.types import Odometry
 from companion.flight.authority.states import Reason, State
+from companion.flight.host.clock import Wall
 from companion.flight.host.runtime import Status, Summary, quiet_memory, stop_signals
 from companion.flight.host.service import Notifier
 from companion.flight.housekeeping import Housekeeping
@@ -37,7 +37,8 @@ class FlightProcess:
 
     `lockstep`: time is the odometry's own, and every sample is answered, so that a flight is a function of its inputs.
     `warning`: why no certificate covers it; `uncertified`: go on where the vehicle's gains are not the certified ones;
-    `tools`: serves a tool that asks the vehicle; `print_line`: takes a line for the person and never waits.
+    `tools`: serves a tool that asks the vehicle; `print_line`: takes a line for the person and never waits; `wall`: the
+    clock on the wall, the system's by default.
     """
 
     def __init__(
@@ -54,11 +55,19 @@ class FlightProcess:
         tools: ToolServer | None = None,
         notifier: Notifier | None = None,
         on_status: Callable[[Status], None] | None = None,
+        wall: Wall | None = None,
         print_line: Callable[[str], None] = lambda _: None,
     ) -> None:
         hedging = config.controller.hedging if hedging is None else hedging
         self._flight = flight = Session(
-            config, link, recorder, hedging=hedging, lockstep=lockstep, uncertified=uncertified, print_line=print_line
+            config,
+            link,
+            recorder,
+            hedging=hedging,
+            lockstep=lockstep,
+            uncertified=uncertified,
+            wall=wall,
+            print_line=print_line,
         )
         self._link = flight.link
         self._lockstep = lockstep
@@ -112,7 +121,7 @@ class FlightProcess:
         heard_s = clock.began_wall_s
         while flight.state is not _RELEASED:
             data = link.receive()
-            wall_s = time.monotonic()
+            wall_s = clock.wall_s()
             clock.waited(wall_s)
             # Decided before what has come is believed: after a pause of ours it is stale. In control nothing changes
             # between two messages but that what was heard grows old.
@@ -133,8 +142,8 @@ class FlightProcess:
             clock_s = clock.passed_s if self._lockstep and flight.sample is not None else wall_s
             if clock_s >= housekeeping.due_s:
                 housekeeping.run_due(clock_s, wall_s)
-            if time.monotonic() - wall_s > overrun_s and flight.state is _ENGAGED and not self._lockstep:
-                flight.refuse(Reason.TICK_OVERRUN, f"a tick took {time.monotonic() - wall_s:.3f} s")
+            if clock.wall_s() - wall_s > overrun_s and flight.state is _ENGAGED and not self._lockstep:
+                flight.refuse(Reason.TICK_OVERRUN, f"a tick took {clock.wall_s() - wall_s:.3f} s")
 
     # -- what comes in ------------------------------------------------------------------------------------------------
 

@@ -7,7 +7,6 @@ vehicle from a pilot who has chosen another mode meanwhile. Silence follows in a
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -69,8 +68,8 @@ def let_go(flight: Session, hand_on: Callable[[Any], None]) -> None:
     if link.mode != Mode.OFFBOARD:
         return
     hand_over = HandOver(link, _MODES[flight.config.release.mode], clock.elapsed_s())
-    gave_up_s = time.monotonic() + _WALL_PATIENCE_S
-    while not hand_over.over(clock.elapsed_s()) and time.monotonic() < gave_up_s:
+    gave_up_s = clock.wall_s() + _WALL_PATIENCE_S
+    while not hand_over.over(clock.elapsed_s()) and clock.wall_s() < gave_up_s:
         request = hand_over.advance(clock.elapsed_s())
         if request is not None:
             link.request(request)
@@ -87,8 +86,8 @@ def let_go(flight: Session, hand_on: Callable[[Any], None]) -> None:
 def _hear_who(flight: Session) -> None:
     """A heartbeat tells that the mode has changed; who changed it, the next CURRENT_MODE does. Nothing is sent."""
     link = flight.link
-    until_s = time.monotonic() + _WHO_S
-    while link.intended_mode is None and not flight.lockstep and time.monotonic() < until_s:
+    until_s = flight.clock.wall_s() + _WHO_S
+    while link.intended_mode is None and not flight.lockstep and flight.clock.wall_s() < until_s:
         data = link.receive()
         flight.clock.stamp()
         for _ in link.messages(data):

@@ -15,7 +15,7 @@ from companion.flight.guards.blindness import Blindness
 from companion.flight.guards.freshness import Freshness
 from companion.flight.guards.measures import Told
 from companion.flight.guards.watch import Watch
-from companion.flight.host.clock import Clock
+from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.estimator_health import EstimatorHealth
@@ -49,6 +49,7 @@ class Session:
         hedging: bool,
         lockstep: bool,
         uncertified: bool = False,
+        wall: Wall | None = None,
         print_line: Callable[[str], None],
     ) -> None:
         self.config = config
@@ -56,7 +57,7 @@ class Session:
         self.lockstep = lockstep
         self.ids = (config.vehicle.system_id, config.vehicle.component_id)
         self.limits = guards.limits(config)
-        self.clock = Clock(lockstep=lockstep)
+        self.clock = Clock(lockstep=lockstep, wall=wall)
         self.link = VehicleLink(config, link, recorder, self.clock)
         self.pose, self.delay = self.link.pose, self.link.delay
         self.announce = Announcements(recorder, self.clock, self.link, print_line).announce

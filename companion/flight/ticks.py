@@ -6,7 +6,6 @@ the estimator.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -137,7 +136,7 @@ class Ticks:
         self._flight.streamed = True
         self._held, self._sent_ms = setpoint, _milliseconds(sample[0])
         self._link.send_setpoint(self._sent_ms, setpoint)
-        return 0.0 if self._lockstep else time.monotonic() - self._clock.now_s
+        return 0.0 if self._lockstep else self._clock.wall_s() - self._clock.now_s
 
     def _record(self, tick: bytes) -> None:
         flight = self._flight

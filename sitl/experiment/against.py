@@ -27,7 +27,7 @@ from sitl.autopilot.modes import FlightMode
 from sitl.autopilot.position_control import PositionControlSetpoint
 from sitl.autopilot.position_hold import yaw_of
 from sitl.build import World, build_world
-from sitl.wire.memory import MemoryLink
+from sitl.wire.memory import LockstepLink
 
 CONTROLLERS: Final = ("hedged", "standard", "px4")
 ALTITUDE_M: Final = 5.0
@@ -102,8 +102,9 @@ def fly_against(config: Config, config_path: Path, folder: Path, controller: str
     else:
         recorder = open_folder(folder, config_path, config, blocking=True)
         try:
-            link = MemoryLink(world.autopilot, channels=world.channels)
-            process = FlightProcess(config, link, recorder, hedging=controller == "hedged", lockstep=True)
+            link = LockstepLink(world.autopilot, channels=world.channels)
+            hedging = controller == "hedged"
+            process = FlightProcess(config, link, recorder, hedging=hedging, lockstep=True, wall=link.wall)
             reason = process.run().reason
         finally:
             recorder.close()

@@ -54,7 +54,7 @@ class Commands:
         self._streams = streams
         self.odometry_requested = False
 
-    def take_set_mode(self, frame: Frame, message: Any) -> None:
+    def on_set_mode(self, frame: Frame, message: Any) -> None:
         """A SET_MODE."""
         if message.target_system != self._link.address[0]:
             self._link.ignored += 1
@@ -63,17 +63,17 @@ class Commands:
         result = commands.set_mode(self._autopilot, message.base_mode, main, sub)
         self._acknowledge(frame, mavlink.MAV_CMD_DO_SET_MODE, result)
 
-    def take_long(self, frame: Frame, message: Any) -> None:
+    def on_command_long(self, frame: Frame, message: Any) -> None:
         """A COMMAND_LONG."""
-        self._take(frame, message, message.param5, message.param6, message.param7)
+        self._execute(frame, message, message.param5, message.param6, message.param7)
 
-    def take_int(self, frame: Frame, message: Any) -> None:
+    def on_command_int(self, frame: Frame, message: Any) -> None:
         """A COMMAND_INT."""
         unset = message.x == 0x7FFFFFFF and message.y == 0x7FFFFFFF
         x, y = (math.nan, math.nan) if unset else (1e-7 * message.x, 1e-7 * message.y)
-        self._take(frame, message, x, y, message.z)
+        self._execute(frame, message, x, y, message.z)
 
-    def _take(self, frame: Frame, message: Any, p5: float, p6: float, p7: float) -> None:
+    def _execute(self, frame: Frame, message: Any, p5: float, p6: float, p7: float) -> None:
         command = VehicleCommand(
             message.command, message.param1, message.param2, message.param3, message.param4, p5, p6, p7
         )  # fmt: skip
@@ -90,10 +90,10 @@ class Commands:
         if command.number == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return self._set_message_interval(command)
         if command.number == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
-            return self._tell_interval(command.p1)
+            return self._send_interval(command.p1)
         if command.number == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if _number(command.p1) == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-                return self._tell_interval(command.p2)
+                return self._send_interval(command.p2)
             return self._request(_number(command.p1))
         return self._request(_LEGACY_REQUESTS[command.number])
 
@@ -106,7 +106,7 @@ class Commands:
             self.odometry_requested = self._streams.odometry_due_us < NEVER_US
         return Result.ACCEPTED if known else Result.FAILED
 
-    def _tell_interval(self, message_id: float) -> Result:
+    def _send_interval(self, message_id: float) -> Result:
         number = _number(message_id)
         interval = self._streams.interval_us(number)
         self._link.send(

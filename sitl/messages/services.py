@@ -70,15 +70,15 @@ class Services:
         self._handlers: dict[int, Reply] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
             mavlink.MAVLINK_MSG_ID_PING: self._ping,
-            mavlink.MAVLINK_MSG_ID_SET_MODE: self.commands.take_set_mode,
+            mavlink.MAVLINK_MSG_ID_SET_MODE: self.commands.on_set_mode,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._param_read,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._param_list,
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._param_set,
             mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: self._mission_list,
             mavlink.MAVLINK_MSG_ID_MISSION_COUNT: self._mission_count,
             mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: self._mission_clear,
-            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self.commands.take_int,
-            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self.commands.take_long,
+            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self.commands.on_command_int,
+            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self.commands.on_command_long,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST: lambda _, message: self.logs.request_list(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA: lambda _, message: self.logs.request_data(message),
@@ -105,7 +105,7 @@ class Services:
 
     def send(self, message: Any) -> None:
         """Queue a pymavlink message."""
-        self.replies.append(self._telemetry.pack(message, self._streams.take_sequence()))
+        self.replies.append(self._telemetry.pack(message, self._streams.next_sequence()))
 
     def send_status_text(self, severity: Severity, text: str) -> None:
         """Queue a STATUSTEXT."""
@@ -122,7 +122,7 @@ class Services:
             param_count=parameter.total,
             param_index=parameter.place & 0xFFFF,
         )
-        frame = self._telemetry.pack(message, self._streams.take_sequence())
+        frame = self._telemetry.pack(message, self._streams.next_sequence())
         body = frame[1:HEADER_BYTES] + parameter.raw + frame[HEADER_BYTES + 4 : -CRC_BYTES]
         crc = mcrf4xx(bytes([message.crc_extra]), mcrf4xx(body))
         self.replies.append(frame[:1] + body + crc.to_bytes(CRC_BYTES, "little"))
@@ -131,10 +131,10 @@ class Services:
         """Queue the next burst of a log, if its time has come."""
 
         def pack(message: Any) -> bytes:
-            return self._telemetry.pack(message, self._streams.take_sequence())
+            return self._telemetry.pack(message, self._streams.next_sequence())
 
         def encode(*values: int) -> bytes:
-            return self._encode_log_data(self._streams.take_sequence(), *values)
+            return self._encode_log_data(self._streams.next_sequence(), *values)
 
         self.replies += self.logs.send(now_us, pack, encode)
 
@@ -163,7 +163,7 @@ class Services:
 
     def _timesync(self, _: Frame, message: Any) -> None:
         if message.tc1 == 0:
-            self.replies.append(self._telemetry.timesync_reply(self._streams.take_sequence(), message.ts1))
+            self.replies.append(self._telemetry.timesync_reply(self._streams.next_sequence(), message.ts1))
 
     def _param_read(self, _: Frame, message: Any) -> None:
         if self.for_us(message):

@@ -97,7 +97,7 @@ class Streams:
     """The periodic messages of one link.
 
     Attributes:
-        sequence: number of the next frame; every frame of the link takes one by `take_sequence`.
+        sequence: number of the next frame; every frame of the link takes one by `next_sequence`.
         odometry_due_us: of the next ODOMETRY, `NEVER_US` where it is stopped.
         others_due_us: of the next message that is not ODOMETRY.
     """
@@ -150,9 +150,9 @@ class Streams:
     def request(self, message_id: int) -> bytes | None:
         """One message out of turn; `None` where the plant does not have it."""
         build = self._builders.get(message_id)
-        return build(self.take_sequence()) if build else None
+        return build(self.next_sequence()) if build else None
 
-    def take_sequence(self) -> int:
+    def next_sequence(self) -> int:
         """The sequence number of one more frame."""
         sequence = self.sequence
         self.sequence = (sequence + 1) & 255
@@ -165,7 +165,7 @@ class Streams:
         earliest = NEVER_US
         for stream in self._others:
             if stream.due_us <= now_us:
-                frames.append(stream.build(self.take_sequence()))
+                frames.append(stream.build(self.next_sequence()))
                 stream.sent(now_us)
             earliest = min(earliest, stream.due_us)
         self.others_due_us = earliest
@@ -174,7 +174,7 @@ class Streams:
         """Append ODOMETRY if it is due."""
         stream = self._odometry
         if stream is not None and stream.due_us <= now_us:
-            frames.append(stream.build(self.take_sequence()))
+            frames.append(stream.build(self.next_sequence()))
             stream.sent(now_us)
             self.odometry_due_us = stream.due_us
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from companion.config import Config, ConfigError, load_config
+from companion.flight.host.clock import Wall
 from companion.flight.host.runtime import Summary
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
@@ -22,11 +23,10 @@ from sitl.scenarios.settled import settled_world
 from sitl.scenarios.verdict import problems, worst_error_m
 from sitl.scenarios.watched_link import WatchedLink
 from sitl.wire.lockstep import LockstepTimeoutError
-from sitl.wire.memory import MemoryLink
-from sitl.wire.ports import UdpEndpoint
+from sitl.wire.memory import LockstepLink, OwnClockLink
+from sitl.wire.ports import NOBODY, UdpEndpoint
 from sitl.wire.server import serve
 
-_NOBODY: Final = 9  # the discard port: heartbeats before the companion is heard reach nobody
 _READY_S: Final = 20.0
 _PATIENCE_S: Final = 60.0
 
@@ -45,7 +45,8 @@ class PlantError(Exception):
 def fly(scenario: Scenario, bases: Bases, folder: Path, *, sockets: bool = False) -> Flown:
     """Fly one scenario in this process, main thread. The flight folder stays.
 
-    `sockets`: over UDP, as scenarios by the wall clock always are, instead of in memory. The record is the same.
+    `sockets`: over UDP instead of in memory. In lockstep the record is the same; where the companion goes by its own
+    clock it is then the machine's, and the record never twice the same.
     """
     began_s = time.monotonic()
     reason, error = "-", None
@@ -69,8 +70,7 @@ def _fly(
     scenario: Scenario, config: Config, path: Path, folder: Path, *, sockets: bool
 ) -> tuple[Summary, ScenarioRun, str | None]:
     """How it ended, the run, and what the recorder complains of."""
-    lockstep = not scenario.realtime
-    in_memory = lockstep and not sockets
+    lockstep = not scenario.own_clock
     recorder = open_folder(folder, path, config, blocking=lockstep, direct=not sockets)
     try:
         world = settled_world(config) if scenario.airborne else build_world(config, complete=True)
@@ -85,8 +85,9 @@ def _fly(
             companion_ids=(config.link.system_id, config.link.component_id),
         )
         link = run.companion = WatchedLink()
-        with _in_memory(world, run, link) if in_memory else _over_udp(world, run, link, lockstep=lockstep):
-            process = FlightProcess(config, link, recorder, engage=scenario.engage, lockstep=lockstep)
+        meet = _over_udp if sockets else _in_memory
+        with meet(world, run, link, lockstep=lockstep) as wall:
+            process = FlightProcess(config, link, recorder, engage=scenario.engage, lockstep=lockstep, wall=wall)
             run.process = process
             summary = process.run()
             link.ended = True
@@ -96,11 +97,15 @@ def _fly(
 
 
 @contextlib.contextmanager
-def _in_memory(world: World, run: ScenarioRun, link: WatchedLink) -> Iterator[None]:
-    """A plant that runs while the companion waits, and on to the end of its coast. Raises `PlantError`."""
-    memory = MemoryLink(world.autopilot, stop=lambda: run.over, channels=world.channels, peer=link)
-    link.attach(memory)
-    yield
+def _in_memory(world: World, run: ScenarioRun, link: WatchedLink, *, lockstep: bool) -> Iterator[Wall]:
+    """A plant that runs while the companion waits, and on to the end of its coast; their clock on the wall.
+
+    Raises `PlantError`.
+    """
+    meet = LockstepLink if lockstep else OwnClockLink
+    memory = meet(world.autopilot, stop=lambda: run.over, channels=world.channels, peer=link)
+    link.attach(memory, memory.sleep)
+    yield memory.wall
     try:
         memory.finish()
     except LockstepTimeoutError as error:
@@ -124,7 +129,7 @@ def _over_udp(world: World, run: ScenarioRun, link: WatchedLink, *, lockstep: bo
         try:
             serve(
                 world.autopilot,
-                [UdpEndpoint(0, _NOBODY)],
+                [UdpEndpoint(0, NOBODY)],
                 lockstep=lockstep,
                 stop=lambda: run.over or cut.is_set(),
                 on_ready=on_ready,

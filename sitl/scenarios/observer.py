@@ -36,7 +36,7 @@ class Account(NamedTuple):
 
 
 class Observer:
-    """Watches one autopilot. `see` it at every control step; `mark` an instant at which set-points must not step.
+    """Watches one autopilot. `on_control` at every control step; `mark` an instant at which set-points must not step.
 
     Attributes: `engaged_us`, when OFFBOARD began; `start_ned_m`, where; `changes` of mode and arming.
     """
@@ -62,7 +62,7 @@ class Observer:
         """Set-points received so far."""
         return self._setpoints
 
-    def see(self, now_us: int) -> None:
+    def on_control(self, now_us: int) -> None:
         """One look at the vehicle."""
         commander = self._autopilot.commander
         mode, armed = commander.mode, commander.armed

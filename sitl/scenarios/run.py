@@ -110,7 +110,7 @@ class ScenarioRun:
         self.environment.step(now_us)
         for action in self._running:
             action(now_us)
-        self.observer.see(now_us)
+        self.observer.on_control(now_us)
         if self.observer.engaged_us is not None or self._nobody_switches:
             self._play()
         elif self._pilot:

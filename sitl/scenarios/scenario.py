@@ -26,7 +26,7 @@ class Scenario(NamedTuple):
     airborne: bool = True  # hovering in Hold, armed, from the start; otherwise on the ground
     engage: bool = False  # the companion arms, takes off and asks for OFFBOARD; otherwise a pilot switches
     pilot: bool = True
-    realtime: bool = False  # for what only a clock on the wall can tell
+    own_clock: bool = False  # the companion goes by its own clock instead of the samples', for what only that can tell
     limit_s: float = 15.0  # the operator ends it then, and the scenario has failed
     coast_s: float = 2.0  # for how long the plant flies on alone
     # what must hold, beside the reason

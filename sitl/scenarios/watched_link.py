@@ -32,9 +32,10 @@ class WatchedLink:
         self.ended = False
         self.gone = False
 
-    def attach(self, link: Link) -> None:
-        """The link to wrap. The plant must know this object first, to tell where it listens."""
+    def attach(self, link: Link, sleep: Callable[[float], None] = time.sleep) -> None:
+        """The link to wrap, and how time passes on it. The plant must know this object first."""
         self._link = link
+        self._sleep = sleep
 
     # --- the companion's side ---------------------------------------------------------------------------------------
 
@@ -55,7 +56,7 @@ class WatchedLink:
             raise LinkError(f"link {self.name}: unplugged")
         if self._slow_s:
             slow_s, self._slow_s = self._slow_s, 0.0
-            time.sleep(slow_s)
+            self._sleep(slow_s)
         self._link.send(data)
 
     def lock(self) -> None:
@@ -76,7 +77,7 @@ class WatchedLink:
 
     def stall(self, for_s: float) -> None:
         """The process does not get to run for a while, with the next datagram in its hands."""
-        self.before_next(lambda: time.sleep(for_s))
+        self.before_next(lambda: self._sleep(for_s))
 
     def overrun(self, for_s: float) -> None:
         """The next tick takes so much longer."""

@@ -38,7 +38,7 @@ Delivery = tuple[bytes, bool]
 
 
 class Channel:
-    """One direction of a link. `put` frames in, `take` what has arrived.
+    """One direction of a link. `put` frames in, ask what has `arrived`.
 
     Attributes: `impairments`, replaced as a whole; `muted`, ids of messages that get lost, all of them where it holds
     `ALL`; `keep_one_in`, how many of a message's frames there are to one that passes; `lost`, `corrupted` so far;
@@ -111,17 +111,17 @@ class Channel:
         heapq.heappush(self._queue, (due_us, self._count, frame, intact))
         self.due_us = self._queue[0][0]
 
-    def take(self, now_us: int) -> list[Delivery]:
+    def arrived(self, now_us: int) -> list[Delivery]:
         """What has arrived by now, in order of arrival."""
-        arrived: list[Delivery] = []
+        deliveries: list[Delivery] = []
         if self.due_us > now_us:
-            return arrived
+            return deliveries
         queue = self._queue
         while queue and queue[0][0] <= now_us:
             _, _, frame, intact = heapq.heappop(queue)
-            arrived.append((frame, intact))
+            deliveries.append((frame, intact))
         self.due_us = queue[0][0] if queue else NEVER_US
-        return arrived
+        return deliveries
 
     def _gets_lost(self, frame: bytes, how: Impairments) -> bool:
         if how.burst_begins > 0.0:

@@ -25,7 +25,7 @@ from sitl.wire.wire import Peer, Wire
 CALL_S: Final = 0.1  # between heartbeats while nobody is there
 HEARTBEAT_S: Final = 1.0  # by the wall, while time stands still
 SETPOINT_TIMEOUT_S: Final = 10.0
-GUEST_POLL_US: Final = 20_000
+OTHERS_POLL_US: Final = 20_000
 
 
 class Wait(Enum):
@@ -43,13 +43,21 @@ class LockstepTimeoutError(RuntimeError):
 class Lockstep:
     """Runs a plant in lockstep with whoever asks for ODOMETRY first.
 
-    Args: `stop` ends the run; `peer`, the companion, where it runs in the same process.
+    Args: `stop` ends the run; `peer`, the companion, where it runs in the same process; `wall_s`, a clock that goes on
+    while time stands still.
     """
 
-    def __init__(self, plant: Plant, stop: Callable[[], bool], peer: Peer | None) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        stop: Callable[[], bool],
+        peer: Peer | None,
+        wall_s: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._plant = plant
         self._stop = stop
         self._peer = peer
+        self._wall_s = wall_s
         self._silent = False  # the peer did not answer the last sample: ask it instead of the wire
 
     def run(self) -> Iterator[Wait]:
@@ -63,9 +71,9 @@ class Lockstep:
             return
         for wire in plant.wires:  # how many heartbeats went out while standing must not show in the flight
             wire.streams.sequence = 0
-        guests = [wire for wire in plant.wires if wire is not leader]
+        others = [wire for wire in plant.wires if wire is not leader]
         streams, impaired, peer = leader.streams, leader.channels is not None, self._peer
-        guest_poll_us = 0
+        other_poll_us = 0
         while True:
             if streams.odometry_due_us == NEVER_US:
                 if (yield from self._stand_still()) is None:
@@ -82,9 +90,9 @@ class Lockstep:
                     return
             elif peer is not None and leader.sent != sent:
                 yield from self._await_idle(leader, peer)
-            if guests and autopilot.time_us >= guest_poll_us:
-                guest_poll_us = autopilot.time_us + GUEST_POLL_US
-                plant.receive_all(guests)
+            if others and autopilot.time_us >= other_poll_us:
+                other_poll_us = autopilot.time_us + OTHERS_POLL_US
+                plant.receive_all(others)
             if self._stop():
                 return
 
@@ -101,7 +109,7 @@ class Lockstep:
             if data:
                 handle(data, autopilot.time_us)
                 if services.changed or autopilot.notices:
-                    plant.tell_all()
+                    plant.send_notices()
                 continue
             if peer is not None and idle:
                 self._silent = True
@@ -110,7 +118,7 @@ class Lockstep:
             yield Wait.PEER if self._silent else Wait.ANSWER
             if self._stop():
                 return False
-            now = time.monotonic()
+            now = self._wall_s()
             deadline = deadline or now + SETPOINT_TIMEOUT_S
             if now > deadline:
                 raise LockstepTimeoutError(
@@ -121,33 +129,33 @@ class Lockstep:
 
     def _await_idle(self, leader: Wire, peer: Peer) -> Generator[Wait]:
         """Let the companion take in what needs no set-point, and hear what it has to say to that."""
-        deadline = time.monotonic() + SETPOINT_TIMEOUT_S
+        deadline = self._wall_s() + SETPOINT_TIMEOUT_S
         while not (peer.gone or peer.idle(leader.sent)) and not self._stop():
-            if time.monotonic() > deadline:
+            if self._wall_s() > deadline:
                 raise LockstepTimeoutError(f"lockstep: the companion has not come back within {SETPOINT_TIMEOUT_S} s")
             yield Wait.PEER
         peer.gone = peer.ended
         self._plant.receive_all([leader])
 
     def _stand_still(self) -> Generator[Wait, None, Wire | None]:
-        """Answer, and beat, until ODOMETRY is wanted; the wire that wants it, `None` if the plant is to stop.
+        """Answer and send heartbeats until ODOMETRY is wanted; the wire that wants it, `None` if the plant is to stop.
 
         Whoever is heard gets a heartbeat at once, so that how many it gets is no matter of chance.
         """
         plant, wires = self._plant, self._plant.wires
-        beat_at = dict.fromkeys(wires, 0.0)
+        due_s = dict.fromkeys(wires, 0.0)
         greeted = {wire for wire in wires if wire.port.connected}
         for wire in wires:
             wire.standing = True
         while not self._stop():
-            now = time.monotonic()
+            now = self._wall_s()
             for wire in wires:
                 if wire.port.connected and wire not in greeted:
                     greeted.add(wire)
-                elif now < beat_at[wire]:
+                elif now < due_s[wire]:
                     continue
                 wire.send([wire.streams.request(0) or b""], plant.autopilot.time_us)
-                beat_at[wire] = now + (HEARTBEAT_S if wire in greeted else CALL_S)
+                due_s[wire] = now + (HEARTBEAT_S if wire in greeted else CALL_S)
                 if wire not in greeted:
                     wire.streams.sequence = 0  # nobody has been heard: what went out may have reached nobody
             yield Wait.FRAMES

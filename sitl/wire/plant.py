@@ -6,7 +6,6 @@ the companion.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -18,24 +17,24 @@ from sitl.messages.telemetry import Telemetry
 from sitl.wire.ports import Port
 from sitl.wire.wire import Channels, Wire
 
-LOCKSTEP_EPOCH_US: Final = 1_700_000_000_000_000  # SYSTEM_TIME must not depend on the day
+FIXED_EPOCH_US: Final = 1_700_000_000_000_000  # where SYSTEM_TIME must not depend on the day
 
 
 class Plant:
     """An autopilot and the wires that it is heard on.
 
     Args:
-        lockstep: whether time at its start is the same in every run; otherwise it is the wall clock's.
+        epoch_us: what SYSTEM_TIME says at simulated time zero.
         logs: what LOG_REQUEST_LIST finds.
     Attributes: `odometry_sent` on all wires.
     """
 
-    def __init__(self, autopilot: Autopilot, *, lockstep: bool, logs: Sequence[LogFile] = ()) -> None:
+    def __init__(self, autopilot: Autopilot, epoch_us: int, logs: Sequence[LogFile] = ()) -> None:
         self.autopilot = autopilot
         self.wires: list[Wire] = []
         self.odometry_sent = 0
-        self._epoch_us = LOCKSTEP_EPOCH_US if lockstep else time.time_ns() // 1000 - autopilot.time_us
-        self._card = list(logs)
+        self._epoch_us = epoch_us
+        self._logs = list(logs)
 
     def add(self, port: Port, profile: Profile, channels: Channels | None = None) -> Wire:
         """One more wire. `channels`: what its frames meet on their way."""
@@ -44,7 +43,7 @@ class Plant:
         component_id = autopilot.parameters.integer("MAV_COMP_ID")
         telemetry = Telemetry(autopilot, system_id, component_id, self._epoch_us)
         streams = Streams(telemetry, profile, autopilot.time_us)
-        services = Services(autopilot, telemetry, streams, system_id, component_id, self._card)
+        services = Services(autopilot, telemetry, streams, system_id, component_id, self._logs)
         wire = Wire(port, streams, services, channels)
         for other in self.wires:
             other.neighbours.append(wire)
@@ -72,7 +71,7 @@ class Plant:
                     frames.clear()
         autopilot.advance(to_us)
         if autopilot.notices:
-            self.tell_all()
+            self.send_notices()
         for wire, frames in zip(wires, outgoing, strict=True):
             if frames:
                 wire.send(frames, to_us)
@@ -90,9 +89,9 @@ class Plant:
                 came = True
                 wire.handle(data, self.autopilot.time_us)
         if came:
-            self.tell_all()
+            self.send_notices()
 
-    def tell_all(self) -> None:
+    def send_notices(self) -> None:
         """Status texts to ground stations, parameters that one link changed to the others."""
         notices = self.autopilot.notices
         for wire in self.wires:

@@ -41,6 +41,9 @@ class SerialEndpoint(NamedTuple):
 
 Endpoint = UdpEndpoint | SerialEndpoint
 
+NOBODY: Final = 9
+"""The discard port, as `remote_port` of a plant that is to reach nobody before it is spoken to."""
+
 GROUND_STATION: Final = UdpEndpoint(18570, 14550, Profile.GROUND_STATION)
 
 

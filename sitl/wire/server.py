@@ -16,7 +16,7 @@ from sitl.autopilot.autopilot import Autopilot
 from sitl.messages.log_download import LogFile
 from sitl.wire import realtime
 from sitl.wire.lockstep import Lockstep, Wait
-from sitl.wire.plant import Plant
+from sitl.wire.plant import FIXED_EPOCH_US, Plant
 from sitl.wire.ports import Endpoint, open_port
 from sitl.wire.signed_port import SignedPort
 from sitl.wire.wire import Channels, Peer
@@ -60,7 +60,7 @@ def serve(
     """Put an autopilot on its endpoints and run it until `stop()` is true or a SIGTERM or SIGINT comes.
 
     Args:
-        endpoints: where to listen; in lockstep the one that asks for ODOMETRY leads, the others are guests.
+        endpoints: where to listen; in lockstep the one that asks for ODOMETRY leads, the others are listened to.
         lockstep: which clock; see `sitl.wire.lockstep` and `sitl.wire.realtime`.
         stop: asked at least every 50 ms of wall time.
         on_ready: called once with the UDP port of the first endpoint (0 for a serial line) when all are open.
@@ -74,7 +74,8 @@ def serve(
     """
     if not endpoints:
         raise ValueError("no endpoint to serve")
-    plant = Plant(autopilot, lockstep=lockstep, logs=logs)
+    epoch_us = FIXED_EPOCH_US if lockstep else time.time_ns() // 1000 - autopilot.time_us
+    plant = Plant(autopilot, epoch_us, logs)
     wires = plant.wires
     stalls = 0
     try:

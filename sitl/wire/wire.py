@@ -153,13 +153,13 @@ class Wire:
         channels = self.channels
         if channels is None or (channels.down.due_us > now_us and channels.up.due_us > now_us):
             return
-        for frame, _ in channels.up.take(now_us):
+        for frame, _ in channels.up.arrived(now_us):
             for whole in self._late_parser.feed(frame):
                 self.services.handle(whole)
                 if self.neighbours:
                     self._forward(whole, now_us)
         self.flush(now_us)
-        for frame, intact in channels.down.take(now_us):
+        for frame, intact in channels.down.arrived(now_us):
             if not intact:  # by itself, so that it spoils no other
                 self.push()
                 self._put([frame])

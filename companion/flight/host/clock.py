@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import time
-from typing import Final
+from typing import Final, Protocol
 
 LARGEST_STEP_S: Final = 1.0  # between two samples of one clock, where no guard says otherwise
+
+
+class Wall(Protocol):
+    """The clock on the wall, as the module `time` has it."""
+
+    def monotonic(self) -> float: ...
+
+    def time_ns(self) -> int: ...
 
 
 class Clock:
@@ -13,12 +21,14 @@ class Clock:
 
     Attributes: `now_s`, when the bytes in hand came, or in lockstep the time stamp of the newest sample; `stamp_us`,
     the same for records; `passed_s`, in lockstep, how much of the samples' time has passed, wherever their clock jumps;
-    `began_wall_s`, when the flight began.
+    `wall_s()`, seconds on the wall; `began_wall_s`, when the flight began.
     """
 
-    def __init__(self, *, lockstep: bool = False) -> None:
+    def __init__(self, *, lockstep: bool = False, wall: Wall | None = None) -> None:
+        wall = wall or time
         self.lockstep = lockstep
-        self.began_wall_s = time.monotonic()
+        self.wall_s, self._epoch_ns = wall.monotonic, wall.time_ns
+        self.began_wall_s = self.wall_s()
         self.now_s = 0.0 if lockstep else self.began_wall_s
         self.stamp_us = 0
         self.passed_s = 0.0
@@ -46,8 +56,8 @@ class Clock:
 
     def elapsed_s(self) -> float:
         """Now, for waiting: it never jumps."""
-        return self.passed_s if self.lockstep else time.monotonic()
+        return self.passed_s if self.lockstep else self.wall_s()
 
     def time_us(self) -> int:
         """Time stamp for a record made now: the system's clock, or in lockstep the samples' own."""
-        return round(self.now_s * 1e6) if self.lockstep else time.time_ns() // 1000
+        return round(self.now_s * 1e6) if self.lockstep else self._epoch_ns() // 1000

@@ -135,7 +135,7 @@ GUARDS: Final = (
         Reason.TICK_OVERRUN,
         ((0.5, Overrun(0.3)),),
         overrides=HOVER,
-        realtime=True,
+        own_clock=True,
         stays_within_m=0.5,
         coast_s=0.5,
     ),

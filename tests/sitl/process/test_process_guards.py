@@ -13,8 +13,9 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
 from companion.control.types import AttitudeSetpoint, Odometry
-from companion.flight import process, session
+from companion.flight import session
 from companion.flight.authority.states import Reason
+from companion.flight.host import clock
 from companion.flight.pilot.pilot import Pilot
 from companion.record.reader import read_flight
 
@@ -196,7 +197,7 @@ class Broken(Pilot):
         if self.how == "raises":
             raise ZeroDivisionError("of some kind")
         if self.how == "sleeps":
-            process.time.sleep(0.4)  # of the flight's own time
+            clock.time.sleep(0.4)  # of the flight's own time
         return setpoint._replace(qx=math.nan) if self.how == "not a number" else setpoint
 
 

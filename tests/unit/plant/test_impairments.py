@@ -24,7 +24,7 @@ def through(how: Impairments, count: int = COUNT, seed: int = 1) -> list[tuple[i
     for number in range(count):
         channel.put(heartbeat(number), 1000 * number)
     for now in range(0, 1000 * count + 1_000_000, 250):
-        for frame, intact in channel.take(now):
+        for frame, intact in channel.arrived(now):
             if intact:
                 arrived.append((int.from_bytes(frame[10:14], "little"), now))
     assert channel.due_us == NEVER_US
@@ -76,7 +76,7 @@ def test_flipped_bits_never_pass_for_a_frame() -> None:
     parser = FrameParser()
     for number in range(COUNT):
         channel.put(heartbeat(number), number)
-    deliveries = channel.take(COUNT)
+    deliveries = channel.arrived(COUNT)
     assert len(deliveries) == COUNT
     assert not any(intact for _, intact in deliveries)
     assert all(frame != heartbeat(n) for n, (frame, _) in enumerate(deliveries))
@@ -90,7 +90,7 @@ def test_one_message_can_be_muted_and_thinned() -> None:
     for number in range(30):
         channel.put(heartbeat(number), 0)
         channel.put(ATTITUDE.encode(number, number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0)
-    ids = [frame[7] for frame, _ in channel.take(0)]
+    ids = [frame[7] for frame, _ in channel.arrived(0)]
     assert ids == [30] * 10
     assert channel.lost == 50
 
@@ -99,7 +99,7 @@ def test_a_channel_that_is_muted_altogether_is_silent() -> None:
     channel = Channel(Random(1))
     channel.muted.add(Channel.ALL)
     channel.put(heartbeat(0), 0)
-    assert channel.take(0) == []
+    assert channel.arrived(0) == []
 
 
 def test_prompt_until_something_takes_time() -> None:
@@ -107,7 +107,7 @@ def test_prompt_until_something_takes_time() -> None:
     assert channel.prompt
     channel.put(heartbeat(0), 0)
     assert not channel.prompt
-    channel.take(0)
+    channel.arrived(0)
     assert channel.prompt
     channel.impairments = Impairments(delay_s=0.01)
     assert not channel.prompt
