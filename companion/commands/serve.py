@@ -11,7 +11,7 @@ from companion.mavlink.signing import read_key
 from sitl.build import build_world
 from sitl.messages.log_download import read_log
 from sitl.wire.lockstep import LockstepTimeoutError
-from sitl.wire.ports import GROUND_STATION, Endpoint, UdpEndpoint, parse_serial
+from sitl.wire.ports import GROUND_STATION, NOBODY, Endpoint, UdpEndpoint, parse_serial
 from sitl.wire.server import serve
 
 PX4_ONBOARD_PORT = 14580
@@ -45,7 +45,7 @@ def run(arguments: Arguments) -> int:
     if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
         station_port = GROUND_STATION.port if arguments.port is None and arguments.link is None else 0
     try:
-        first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
+        first: Endpoint = parse_serial(arguments.link) if arguments.link else _udp(port)
         serve(
             world.autopilot,
             # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
@@ -62,3 +62,8 @@ def run(arguments: Arguments) -> int:
     except LockstepTimeoutError as error:
         raise LinkError(f"plant: {error}") from None
     return 0
+
+
+def _udp(port: int) -> UdpEndpoint:
+    """On any free port a plant calls nobody: whoever listens where PX4 calls waits for another, and would answer."""
+    return UdpEndpoint(port) if port else UdpEndpoint(port, NOBODY)

@@ -23,10 +23,9 @@ from sitl.scenarios.verdict import problems, worst_error_m
 from sitl.scenarios.watched_link import WatchedLink
 from sitl.wire.lockstep import LockstepTimeoutError
 from sitl.wire.memory import MemoryLink
-from sitl.wire.ports import UdpEndpoint
+from sitl.wire.ports import NOBODY, UdpEndpoint
 from sitl.wire.server import serve
 
-_NOBODY: Final = 9  # the discard port: heartbeats before the companion is heard reach nobody
 _READY_S: Final = 20.0
 _PATIENCE_S: Final = 60.0
 
@@ -124,7 +123,7 @@ def _over_udp(world: World, run: ScenarioRun, link: WatchedLink, *, lockstep: bo
         try:
             serve(
                 world.autopilot,
-                [UdpEndpoint(0, _NOBODY)],
+                [UdpEndpoint(0, NOBODY)],
                 lockstep=lockstep,
                 stop=lambda: run.over or cut.is_set(),
                 on_ready=on_ready,
