@@ -43,6 +43,7 @@ from companion.record.reader import read_flight
 HERE = Path(__file__).resolve().parent
 KEY = bytes(range(1, 33))
 KINDS = {"udp": 0.45, "signed": 0.5, "serial": 0.05}  # shares of the inputs
+_READY_S = 120.0  # on a machine that does other things as well
 _LINE_HZ = 60.0  # datagrams a second that 921600 baud carry beside the odometry
 _RATE_HZ = 250.0
 _PRIORITY = 40
@@ -213,11 +214,11 @@ def judge(folder: Path) -> Verdict:
 
 def settle(candidate: Candidate, vehicle: Vehicle) -> None:
     """Play until it is in control."""
-    until_s = time.monotonic() + 30.0
+    until_s = time.monotonic() + _READY_S
     while not candidate.is_ready():
         vehicle.play(_RATE_HZ, 0.1)
         if time.monotonic() > until_s:
-            raise RuntimeError(f"not engaged within 30 s: {candidate.output().strip()}")
+            raise RuntimeError(f"not engaged within {_READY_S:g} s: {candidate.output().strip()}")
     vehicle.play(_RATE_HZ, 0.5)
 
 
@@ -266,7 +267,7 @@ def fly(
             raise RuntimeError(f"it ended: {candidate.output().strip()}")
         vehicle.mode = Mode.HOLD
         vehicle.play(_RATE_HZ, 0.3)
-        ended = candidate.ends(30.0)
+        ended = candidate.ends(_READY_S)
     except ConnectionRefusedError:
         raise RuntimeError(f"it ended: {candidate.output().strip()}") from None
     finally:

@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 import sys
 import time
-from pathlib import Path
 
+import harness_path  # noqa: F401 - finds `harness`
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit" / "identify"))
-from identify_logs import Known, fly, recording
+from harness.identify_logs import Known, fly, recording
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import FirstOrder, SecondOrder

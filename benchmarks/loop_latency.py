@@ -37,7 +37,7 @@ from companion.mavlink.px4 import Mode
 HERE = Path(__file__).resolve().parent
 ECHO = HERE / "echo"
 FLOOR, LEAST, RIVAL, OURS = "C echo", "Python struct", "mavsdk callback", "companion run"
-_READY_S = 20.0
+_READY_S = 60.0
 _WARM_UP_S = 0.5
 _SETTINGS = (
     "tick.rate_hz=250",
@@ -163,7 +163,7 @@ def land(candidate: Candidate, autopilot: Autopilot, kind: Kind, answered: int) 
     """End the flight as a pilot does, and see that it was one: in control throughout, every tick on disk."""
     autopilot.mode = Mode.HOLD
     autopilot.play(100.0, 0.2)
-    ended = candidate.ends(20.0)
+    ended = candidate.ends(60.0)
     said = candidate.output()
     ticks = re.search(r"in control for .* (\d+) ticks", said)
     if not ended or candidate.process.returncode != 0 or ticks is None or int(ticks[1]) < answered:

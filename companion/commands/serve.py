@@ -45,9 +45,7 @@ def run(arguments: Arguments) -> int:
     if station_port is None:  # beside a port of one's own choice, PX4's usual one might be another plant's
         station_port = GROUND_STATION.port if arguments.port is None and arguments.link is None else 0
     try:
-        first: Endpoint = parse_serial(arguments.link) if arguments.link else UdpEndpoint(port)
-        if first == UdpEndpoint(0):  # on a port that nobody can know it waits for whoever started it, and calls nobody
-            first = UdpEndpoint(0, NOBODY)
+        first: Endpoint = parse_serial(arguments.link) if arguments.link else _udp(port)
         serve(
             world.autopilot,
             # A plant in lockstep serves one companion; any other a ground station too, as PX4 does.
@@ -64,3 +62,8 @@ def run(arguments: Arguments) -> int:
     except LockstepTimeoutError as error:
         raise LinkError(f"plant: {error}") from None
     return 0
+
+
+def _udp(port: int) -> UdpEndpoint:
+    """On any free port a plant calls nobody: whoever listens where PX4 calls waits for another, and would answer."""
+    return UdpEndpoint(port) if port else UdpEndpoint(port, NOBODY)

@@ -20,6 +20,7 @@ DATAGRAM_BYTES: Final = 1_400
 BLOCK_S: Final = 0.05
 GONE_S: Final = 0.01
 SOCKET_BUFFER_BYTES: Final = 1 << 20
+NOBODY: Final = 9  # the discard port: a plant that calls it reaches nobody
 
 
 class UdpEndpoint(NamedTuple):
@@ -40,9 +41,6 @@ class SerialEndpoint(NamedTuple):
 
 
 Endpoint = UdpEndpoint | SerialEndpoint
-
-NOBODY: Final = 9
-"""The discard port, as `remote_port` of a plant that is to reach nobody before it is spoken to."""
 
 GROUND_STATION: Final = UdpEndpoint(18570, 14550, Profile.GROUND_STATION)
 

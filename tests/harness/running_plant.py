@@ -16,12 +16,11 @@ from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
 from sitl.vehicles.vehicle import Quadrotor, Rig, Vehicle
-from sitl.wire.ports import Endpoint, UdpEndpoint
+from sitl.wire.ports import NOBODY, Endpoint, UdpEndpoint
 from sitl.wire.server import ServeResult, serve
 
 NO_RATES = RateGains(0.0, 0.0, 0.0, 1.0, 0.0)
 HOVER_THRUST = 0.5
-NOBODY = 9  # the discard port: heartbeats before the lock must not reach anybody
 
 
 def response(bandwidth_rad_s: float) -> LinearResponse:

@@ -35,6 +35,7 @@ def test_shipped_certificates_are_those_of_the_shipped_configs(config: Path) -> 
     assert ended.stdout.startswith("verified exactly: x by ")
 
 
+@pytest.mark.slow
 def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path: Path) -> None:
     out = tmp_path / "certificate.json"
     ended = companion("check", RIG, "--all-degrees", "--degree", "6", "--json", "--out", out)

@@ -71,6 +71,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return fly
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["hedged", "standard"])
 @pytest.mark.parametrize(("vehicle", "tolerance"), [("antx_rig", 0.05), ("paper_quadrotor", 0.10)])
 def test_tables_1_and_2(flown: Callable[..., Path], vehicle: str, tolerance: float, controller: str) -> None:
@@ -115,6 +116,7 @@ def test_the_command_flies_both_and_writes_what_it_prints(tmp_path: Path) -> Non
 GAMMA = tuple(f"controller.axes.{axis}.adaptation_rate.standard=200" for axis in "xy")
 
 
+@pytest.mark.slow
 def test_table_1_at_gamma_200_is_unstable(flown: Callable[..., Path]) -> None:
     ours = score(config_of("paper_quadrotor", *GAMMA), read_flight(flown("paper_quadrotor", "standard", *GAMMA)))
     assert ours.stable is False

@@ -37,6 +37,9 @@ LOGS = [
 NEWEST = LOGS[1]
 
 
+pytestmark = pytest.mark.realtime
+
+
 @pytest.fixture
 def port() -> int:
     return free_port()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from identify_logs import Change, mutated_ulog
+from harness.identify_logs import Change, mutated_ulog
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]

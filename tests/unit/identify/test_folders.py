@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identify_logs import Flown, Known, flown_tlog, fly
+from harness.identify_logs import Flown, Known, flown_tlog, fly
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import SecondOrder

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identify_logs import Known, flown_tlog, fly, recording
+from harness.identify_logs import Known, flown_tlog, fly, recording
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import FIRST_ORDER_DELAY, MODELS, SECOND_ORDER_DELAY, FirstOrder, SecondOrder
@@ -22,6 +22,7 @@ def first_order(bandwidth_rad_s: float) -> LinearResponse:
     return LinearResponse(FirstOrder, (bandwidth_rad_s,))
 
 
+@pytest.mark.slow
 def test_a_hundred_flights_with_noise_delay_and_friction() -> None:
     """Acceptance of the identification: truth within the interval in 90 of them, bias below 3 %."""
     inside, ratios = 0, []

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from identify_logs import Change, Known, flown_tlog, fly, frame, only, tlog
+from harness.identify_logs import Change, Known, flown_tlog, fly, frame, only, tlog
 
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import SecondOrder

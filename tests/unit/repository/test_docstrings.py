@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FILES = sorted(path for package in ("companion", "sitl") for path in (ROOT / package).rglob("*.py"))
 # A heading with a list below it, as numpy has it, or one that the list begins on the line of.
 LISTED = re.compile(r"^(Parameters\n-+|Args:)", re.MULTILINE)
