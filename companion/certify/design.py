@@ -105,7 +105,7 @@ def design(
         slowest,
         _limit(slowed[slowest]),
         sampled,
-        fastest[slowest] - _with_10_ms_more(slowed[slowest]),
+        fastest[slowest] - _with_10_ms_more(slowed[slowest], counts),
     )
 
 
@@ -149,11 +149,11 @@ def _limit(axis: AxisProblem) -> str:
     return "delay" if by_delay > by_bandwidth else "attitude bandwidth"
 
 
-def _with_10_ms_more(axis: AxisProblem) -> Decimal:
+def _with_10_ms_more(axis: AxisProblem, counts: Sequence[int]) -> Decimal:
     """The fastest reference model with that much more delay, rad/s; zero where none is certified."""
     delay, more = axis.response.delay_s, Decimal("0.01")
     late = replace(axis.response, delay_s=Interval(delay.lower + more, delay.upper + more))
-    found = fastest_reference(replace(axis, response=late), (0,))
+    found = fastest_reference(replace(axis, response=late), counts)
     return Decimal(0) if found is None else found.value
 
 

@@ -94,7 +94,7 @@ def test_it_says_which_axis_decides_and_what_limits_it(px4: tuple[Problem, Desig
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without asking what limits it, which costs three times as much as the answer."""
     monkeypatch.setattr(module, "_limit", lambda _axis: "not asked")
-    monkeypatch.setattr(module, "_with_10_ms_more", lambda _axis: Decimal(0))
+    monkeypatch.setattr(module, "_with_10_ms_more", lambda _axis, _counts: Decimal(0))
 
 
 @pytest.mark.usefixtures("quick")
