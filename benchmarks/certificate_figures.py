@@ -13,8 +13,8 @@ from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import minimum_bandwidth_by_rays, with_bandwidth
 from companion.certify.closed_loop import axis_channel
 from companion.certify.falsify import unstable_bandwidth
+from companion.certify.piecewise.sector_proof import check_sectors
 from companion.certify.problem import AxisProblem
-from companion.certify.sector_proof import check_sectors
 
 CASES = {"simulation": ("4", "1.8", "0.65", "5.5"), "rig": ("2.3", "0.55", "0.35", "3")}
 FIGURES = {  # by rays, none for one quadratic function; and what is unstable

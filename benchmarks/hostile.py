@@ -53,6 +53,7 @@ _SETTINGS = (
     "steering.system_ids=[250]", "controller.anchor=setpoint", "controller.limits.speed_m_s=0.3",
     "guards.fence={enabled: true, radius_m: 5, lower_ned_m: [-5, -5, -5], upper_ned_m: [5, 5, 5]}",
     "guards.pose_age_s.limit=2",
+    "guards.clock_jump_s.limit=1",
 )  # fmt: skip
 # The driver's vehicle obeys nobody, and on a busy machine it is late itself: neither is what is measured here.
 _GUARDS_OFF = (

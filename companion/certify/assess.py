@@ -18,12 +18,12 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
-from companion.certify.held import grows
-from companion.certify.helpers import Helpers
+from companion.certify.piecewise.held import grows
+from companion.certify.piecewise.helpers import Helpers
+from companion.certify.piecewise.sector_proof import DELAY
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
-from companion.certify.sector_proof import DELAY
 from companion.certify.statement import Json, problem_of
 
 SEARCH_RAYS = (8, 16)  # of the searches over delay and reference model, for a response of many corners and of one
@@ -78,7 +78,7 @@ class Assessment(NamedTuple):
     adaptation_rates
         By axis, the configured adaptation rate and the largest stable one; empty without sampling.
     growing
-        Axes that grow at the slowest tick with the weights held at a corner (`companion.certify.held`), and that rate.
+        Axes that grow at the slowest tick with the weights held at a corner (`piecewise.held`), and that rate.
     """
 
     certificate: dict[str, Json] | None

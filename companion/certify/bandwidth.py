@@ -17,9 +17,9 @@ from companion.attitude_response.kind import PLACES, ceiling
 from companion.attitude_response.response import AttitudeResponse
 from companion.certify.certificate import AnyProof, Scaling, prove
 from companion.certify.closed_loop import axis_channel, axis_vertices
+from companion.certify.piecewise.sector_proof import SectorProof
+from companion.certify.piecewise.sector_solver import prove_by_sectors
 from companion.certify.problem import AxisProblem
-from companion.certify.sector_proof import SectorProof
-from companion.certify.sector_solver import prove_by_sectors
 
 TOLERANCE = 5e-4  # relative, of every bisection
 REACH = 32.0  # how many times the tuned value is searched before giving up

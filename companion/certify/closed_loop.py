@@ -16,8 +16,8 @@ from fractions import Fraction
 from companion.attitude_response.exact import ends
 from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
 from companion.attitude_response.response import corners
+from companion.certify.piecewise.sectors import Channel, Loop
 from companion.certify.problem import AxisProblem
-from companion.certify.sectors import Channel, Loop
 
 YAW_OCTAGON = tuple(
     corner

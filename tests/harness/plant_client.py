@@ -15,7 +15,7 @@ from sitl.autopilot.autopilot import PHYSICS_DT_US, Autopilot
 from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.messages.streams import Profile
 from sitl.wire.memory import MemoryPort
-from sitl.wire.plant import Plant
+from sitl.wire.plant import FIXED_EPOCH_US, Plant
 
 HOVER: Final = 0.5
 NAN: Final = math.nan
@@ -152,7 +152,7 @@ class MemoryClient(Client):
 
 def clients(pilot: Autopilot, *ends: tuple[Profile, int]) -> list[MemoryClient]:
     """A plant that goes by its own clock, and a client at the end of each wire: of this profile, of this component."""
-    plant = Plant(pilot, lockstep=False)
+    plant = Plant(pilot, FIXED_EPOCH_US)
     found = []
     for profile, component_id in ends:
         port = MemoryPort()

@@ -18,7 +18,7 @@ from companion.record.reader import read_flight
 from sitl.build import build_world
 from sitl.experiment.figures import draw_figures
 from sitl.metrics import score
-from sitl.wire.memory import MemoryLink
+from sitl.wire.memory import LockstepLink
 
 QUADROTOR = ROOT / "config" / "paper_quadrotor.yaml"
 SHORT = [
@@ -61,7 +61,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     def fly(vehicle: str, controller: str, *overrides: str) -> Path:
         folder, config = out / "_".join((vehicle, controller, *overrides)), config_of(vehicle, *overrides)
         recorder = open_folder(folder, ROOT / "config" / f"{vehicle}.yaml", config, blocking=True, direct=True)
-        link = MemoryLink(build_world(config).autopilot)
+        link = LockstepLink(build_world(config).autopilot)
         hedging = controller == "hedged"
         summary = FlightProcess(config, link, recorder, hedging=hedging, engage=True, lockstep=True).run()
         assert recorder.close() is None

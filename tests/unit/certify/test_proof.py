@@ -78,10 +78,8 @@ def test_a_proof_about_an_approximant_of_the_delay_is_refused(rig):
 
 
 @pytest.fixture(scope="module")
-def by_sectors():
-    from conftest import rig_axis  # noqa: PLC0415
-
-    found = certify(Problem({"x": rig_axis("2.9", "0.02")}))
+def by_sectors(rig):
+    found = certify(Problem({"x": rig("2.9", "0.02")}))
     assert found is not None
     assert len(found["proofs"]["x"]["rays"]) == 8
     return found

@@ -14,10 +14,10 @@ from companion.attitude_response.kinds import SecondOrder
 from companion.attitude_response.response import AttitudeResponse
 from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.closed_loop import axis_channel, joint_channel
+from companion.certify.piecewise.sector_proof import check_sectors, sector_proof_json, sector_proof_of
+from companion.certify.piecewise.sector_solver import natural_scale, plan, prove_by_sectors, rays, rounded, solve
+from companion.certify.piecewise.sectors import Scale, sectors
 from companion.certify.problem import Problem
-from companion.certify.sector_proof import check_sectors, sector_proof_json, sector_proof_of
-from companion.certify.sector_solver import natural_scale, plan, prove_by_sectors, rays, rounded, solve
-from companion.certify.sectors import Scale, sectors
 
 RIG, SIMULATION = 2.3, 4.0
 PROVEN_UNSTABLE = {"rig": "2.53", "simulation": "5.02"}
@@ -92,7 +92,7 @@ def test_the_function_is_continuous_and_even(rig):
     proof = prove_by_sectors(channel, 8, RIG)
     wanted = plan(channel, 8, proof.scale)
     entries = wanted and {place: float(value) for place, value in enumerate(proof.lyapunov)}
-    from companion.certify.sectors import pattern  # noqa: PLC0415
+    from companion.certify.piecewise.sectors import pattern  # noqa: PLC0415
 
     places = pattern(wanted.cut)
 

@@ -1,4 +1,4 @@
-"""A candidate for a proof by sectors: the inequalities of `companion.certify.sectors` as a conic problem for Clarabel.
+"""A candidate for a proof by sectors: the inequalities of `sectors` as a conic problem for Clarabel.
 
 What the solver says is never asked: its numbers, rounded to rationals, are checked exactly.
 """
@@ -13,8 +13,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.certify.sector_proof import SectorProof, check_sectors
-from companion.certify.sectors import Channel, Inequality, Scale, Sector, falls, multipliers, pattern, positive, sectors
+from companion.certify.piecewise.sector_proof import SectorProof, check_sectors
+from companion.certify.piecewise.sectors import (
+    Channel,
+    Inequality,
+    Scale,
+    Sector,
+    falls,
+    multipliers,
+    pattern,
+    positive,
+    sectors,
+)
 
 Floats = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from itertools import chain
 from typing import Final, NamedTuple
 
 from companion.attitude_response.realisation import ZERO, Row
-from companion.certify.elimination import positive_definite
-from companion.certify.rational import list_of, rational, rationals
-from companion.certify.sectors import (
+from companion.certify.piecewise.elimination import positive_definite
+from companion.certify.piecewise.rational import list_of, rational, rationals
+from companion.certify.piecewise.sectors import (
     ORDER,
     Channel,
     Inequality,
@@ -32,7 +32,7 @@ KEYS: Final = {"rays", "delay", "time_scale", "state_scale", "lyapunov", "krasov
 
 
 class SectorProof(NamedTuple):
-    """A piecewise quadratic Lyapunov functional, in exact rationals; `companion.certify.sectors` says of what.
+    """A piecewise quadratic Lyapunov functional, in exact rationals; `sectors` says of what.
 
     Attributes
     ----------
