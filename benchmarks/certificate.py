@@ -25,7 +25,7 @@ from companion.certify.bandwidth import TOLERANCE, minimum_bandwidth, with_bandw
 from companion.certify.certificate import Scaling, certify
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import unstable_bandwidth
-from companion.certify.lifting import gram_null_space, lift, monomials
+from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import verify
 

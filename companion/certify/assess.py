@@ -18,10 +18,10 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
-from companion.certify.piecewise.held import grows
-from companion.certify.piecewise.helpers import Helpers
+from companion.certify.held import grows
 from companion.certify.piecewise.sector_proof import DELAY
 from companion.certify.problem import AxisProblem, Problem
+from companion.certify.processes import Processes
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import Json, problem_of
@@ -78,7 +78,7 @@ class Assessment(NamedTuple):
     adaptation_rates
         By axis, the configured adaptation rate and the largest stable one; empty without sampling.
     growing
-        Axes that grow at the slowest tick with the weights held at a corner (`piecewise.held`), and that rate.
+        Axes that grow at the slowest tick with the weights held at a corner (`held`), and that rate.
     """
 
     certificate: dict[str, Json] | None
@@ -157,14 +157,14 @@ def assess(
     found = known_verdict or verdict_of(problem, max_degree, max_rays)
     known: dict[AxisProblem, AxisAssessment] = {}
     axes = {}
-    with Helpers(any(_long(axis) for axis in problem.axes.values())) as helpers:
+    with Processes(any(_long(axis) for axis in problem.axes.values())) as processes:
         for index, (name, axis) in enumerate(problem.axes.items()):
             family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
             twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
             if axis not in known:
                 share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
                 effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None)
-                known[axis] = _assess_axis(axis, effort, twin, helpers, share)
+                known[axis] = _assess_axis(axis, effort, twin, processes, share)
             axes[name] = known[axis]
     show(1.0, "done")
     return found._replace(axes=axes)
@@ -212,14 +212,14 @@ def _assess_axis(
     axis: AxisProblem,
     effort: _Effort,
     twin: AxisAssessment | None,
-    helpers: Helpers,
+    processes: Processes,
     show: Callable[[float, str], None],
 ) -> AxisAssessment:
     tuned = tuned_bandwidth(axis.response)
     most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
     counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
-    fastest = helpers.call(fastest_reference, axis, counts) if effort.fastest else None
-    delay = helpers.call(largest_delay, axis, counts)
+    fastest = processes.call(fastest_reference, axis, counts) if effort.fastest else None
+    delay = processes.call(largest_delay, axis, counts)
     show(0.0, "needed bandwidth, quadratic")
     by_rays: dict[int, Certified | None] = {count: None for count in RAYS if count <= effort.max_rays}
     by_rays[0] = minimum_bandwidth_by_rays(axis, 0) if twin is None else twin.minimum_bandwidth_by_rays[0]

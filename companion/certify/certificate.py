@@ -10,10 +10,10 @@ import numpy as np
 
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
-from companion.certify.lyapunov import Candidate, Floats, coordinates, rescale, solve
 from companion.certify.piecewise.sector_proof import SectorProof, sector_proof_json
 from companion.certify.piecewise.sector_solver import prove_by_sectors
 from companion.certify.piecewise.sectors import Channel, delayed
+from companion.certify.polynomial.lyapunov import Candidate, Floats, coordinates, rescale, solve
 from companion.certify.problem import Problem
 from companion.certify.proof import SCHEMA, Proof, channel_vertices, channels, check
 from companion.certify.statement import Json, digest, statement

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from companion.certify.closed_loop import switching_vertices, weight_corners
-from companion.certify.lyapunov import Floats
+from companion.certify.polynomial.lyapunov import Floats
 from companion.certify.problem import AxisProblem
 
 STEPS = 48  # of the time grid in a period

@@ -21,13 +21,13 @@ from typing import NamedTuple
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
-from companion.certify.lifting import gram_null_space, lift, monomials
-from companion.certify.piecewise.elimination import positive_definite
-from companion.certify.piecewise.held import grows
-from companion.certify.piecewise.rational import list_of, rational, rationals
+from companion.certify.exact.elimination import positive_definite
+from companion.certify.exact.rational import list_of, rational, rationals
+from companion.certify.held import grows
 from companion.certify.piecewise.sector_proof import KEYS as SECTOR_KEYS
 from companion.certify.piecewise.sector_proof import check_sectors, sector_proof_of
 from companion.certify.piecewise.sectors import Channel, delayed, whole
+from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import digest, problem_of

@@ -9,8 +9,8 @@ from itertools import chain
 from typing import Final, NamedTuple
 
 from companion.attitude_response.realisation import ZERO, Row
-from companion.certify.piecewise.elimination import positive_definite
-from companion.certify.piecewise.rational import list_of, rational, rationals
+from companion.certify.exact.elimination import positive_definite
+from companion.certify.exact.rational import list_of, rational, rationals
 from companion.certify.piecewise.sectors import (
     ORDER,
     Channel,

@@ -13,7 +13,7 @@ from companion.certify.assess import verdict_of
 from companion.certify.certificate import assemble, certify, prove
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import exponentials
-from companion.certify.piecewise.held import grows
+from companion.certify.held import grows
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.proof import verify
 

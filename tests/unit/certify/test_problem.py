@@ -14,7 +14,7 @@ from companion.attitude_response.kinds import FirstOrder, SecondOrder, TransferF
 from companion.attitude_response.realisation import companion_form, delay_line, is_hurwitz
 from companion.attitude_response.response import AttitudeResponse, corners
 from companion.certify.closed_loop import axis_vertices, joint_vertices
-from companion.certify.lifting import gram_null_space, lift, monomials
+from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem, Sampling
 from companion.certify.statement import problem_of, statement
 

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 import companion.certify
 from companion.certify.certificate import Scaling, assemble, certify, prove, rounded
 from companion.certify.closed_loop import axis_vertices
-from companion.certify.lyapunov import Candidate, solve
+from companion.certify.polynomial.lyapunov import Candidate, solve
 from companion.certify.problem import Problem
 from companion.certify.proof import check, load, positive_definite, verify
 from companion.certify.statement import digest, problem_of, statement

@@ -16,7 +16,7 @@ from companion.certify.bandwidth import with_bandwidth
 from companion.certify.certificate import Scaling, floats, prove
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import exponentials, worst_switching
-from companion.certify.lifting import monomials
+from companion.certify.polynomial.lifting import monomials
 from companion.certify.problem import AxisProblem
 from companion.certify.sampled import error_dynamics, largest_adaptation_rate, tick_matrix
 

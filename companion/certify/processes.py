@@ -14,14 +14,14 @@ _PROCESSES: Final = 2  # a companion board has as many cores to spare
 _LOOK_S: Final = 0.2  # how often a wait lets Ctrl-C through
 
 
-class Helpers:
+class Processes:
     """Runs functions elsewhere, or here and later where that is not worth it. Leaving it ends what still runs."""
 
     def __init__(self, elsewhere: bool) -> None:
         # Spawned: a forked child would inherit the threads' locks of the progress bar.
         self._pool = get_context("spawn").Pool(_PROCESSES, _leave_interrupts) if elsewhere else None
 
-    def __enter__(self) -> Helpers:
+    def __enter__(self) -> Processes:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from companion.certify.lifting import gram_null_space, lifted_pattern, monomials
+from companion.certify.polynomial.lifting import gram_null_space, lifted_pattern, monomials
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Exact arithmetic of the verifier. Standard library only."""

@@ -1,0 +1,1 @@
+"""Homogeneous polynomial Lyapunov functions of degree 2 and more, by sums of squares."""
