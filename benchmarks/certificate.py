@@ -17,6 +17,7 @@ from pathlib import Path
 
 import cvxpy as cp
 import numpy as np
+from baseline import checkout
 
 from companion.attitude_response.exact import decimal, interval
 from companion.attitude_response.kinds import FirstOrder
@@ -83,7 +84,7 @@ def plain_bandwidth(axis: AxisProblem, degree: int, scaling: Scaling, low: float
 
 def beside(baseline: Path, rounds: int = 3) -> None:
     """Wall-clock seconds of `companion check config/antx_rig.yaml --all-degrees`, each build with its defaults."""
-    builds = {"this build": Path(__file__).resolve().parents[1], "baseline": baseline.resolve()}
+    builds = {"this build": Path(__file__).resolve().parents[1], "baseline": baseline}
     seconds: dict[str, list[float]] = {name: [] for name in builds}
     for _ in range(rounds):
         for name, root in builds.items():
@@ -99,7 +100,7 @@ def beside(baseline: Path, rounds: int = 3) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--degree", type=int, default=6, help="highest degree for plain cvxpy")
-    parser.add_argument("--baseline", type=Path, metavar="DIR", help="an older build to run in turn")
+    parser.add_argument("--baseline", type=checkout, metavar="DIR", help="an older build to run in turn")
     arguments = parser.parse_args()
     if arguments.baseline is not None:
         beside(arguments.baseline)

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from autopilot import BY_ECHO, BY_THRUST, BY_TIME, Answer, Autopilot
+from baseline import checkout
 from harness.ports import free_port
 from processes import Candidate, OtherWork
 from rich.console import Console
@@ -208,7 +209,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="measured, per candidate and rate (default: 10)")
     parser.add_argument("--rounds", type=int, default=4, help="how many turns that time is split into (default: 4)")
     parser.add_argument(
-        "--baseline", type=Path, metavar="DIR", help="an older checkout of this project, flown beside it"
+        "--baseline", type=checkout, metavar="DIR", help="an older checkout of this project, flown beside it"
     )
     parser.add_argument("--only", action="append", metavar="NAME", help="candidates whose name contains this")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")

@@ -18,6 +18,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from baseline import checkout
 from mcap.reader import make_reader
 
 HERE = Path(__file__).resolve().parents[1]
@@ -66,14 +67,14 @@ def first_difference(ours: list[tuple[str, bytes]], theirs: list[tuple[str, byte
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--baseline", type=Path, required=True, help="another checkout of this project")
+    parser.add_argument("--baseline", type=checkout, required=True, help="another checkout of this project")
     parser.add_argument("configs", nargs="*", default=CONFIGS)
     arguments = parser.parse_args()
     same = True
     for config in arguments.configs:
         with tempfile.TemporaryDirectory() as scratch:
             folders = [Path(scratch, name) for name in ("ours", "theirs")]
-            for tree, folder in zip((HERE, arguments.baseline.resolve()), folders, strict=True):
+            for tree, folder in zip((HERE, arguments.baseline), folders, strict=True):
                 fly(tree, config, folder)
             for controller in CONTROLLERS:
                 ours, theirs = (folder / controller for folder in folders)

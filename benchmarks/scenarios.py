@@ -19,6 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from baseline import checkout
+
 HERE = Path(__file__).resolve().parents[1]
 TARGET = 1.0 / 3.0
 
@@ -45,7 +47,7 @@ def run(tree: Path, names: list[str]) -> tuple[float, int, list[str]]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--baseline", type=Path, required=True, help="another checkout of this project")
+    parser.add_argument("--baseline", type=checkout, required=True, help="another checkout of this project")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("names", nargs="*", help="scenarios, * and ? allowed; all by default")
     arguments = parser.parse_args()
@@ -54,7 +56,7 @@ def main() -> int:
     failures = 0
     print(f"{'round':>5} {'baseline, s':>12} {'this, s':>9} {'ratio':>7}  passed (baseline, this)")
     for index in range(arguments.rounds):
-        theirs_s, theirs, _ = run(arguments.baseline.resolve(), arguments.names)
+        theirs_s, theirs, _ = run(arguments.baseline, arguments.names)
         ours_s, ours, failed = run(HERE, arguments.names)
         before_s.append(theirs_s)
         after_s.append(ours_s)
