@@ -21,10 +21,10 @@ from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_ban
 from companion.certify.held import grows
 from companion.certify.piecewise.sector_proof import DELAY
 from companion.certify.problem import AxisProblem, Problem
-from companion.certify.processes import Processes
 from companion.certify.proof import MAX_DEGREE
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import Json, problem_of
+from companion.processes import Processes
 
 SEARCH_RAYS = (8, 16)  # of the searches over delay and reference model, for a response of many corners and of one
 

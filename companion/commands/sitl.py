@@ -83,7 +83,12 @@ def run(arguments: Arguments) -> int:
     Each way imports only what it needs: a plant that is served starts without numpy.
     """
     if arguments.scenarios is not None:
+        _refuse(arguments, "--scenarios", "serve", "lockstep", "realtime", "against")
         return _run_scenarios(arguments, arguments.scenarios)
+    if arguments.against is not None:
+        _refuse(arguments, "--against", "serve", "lockstep", "realtime")
+        if arguments.hedging is not None:
+            raise ConfigError("--against flies both controllers: leave out --hedging and --no-hedging")
     config = arguments.config.load()
     if config.plant is None:
         raise ConfigError(f"{arguments.config.path}: no plant section: there is nothing to simulate")
@@ -121,10 +126,14 @@ def run(arguments: Arguments) -> int:
     return experiment.run(flown)
 
 
-def _run_scenarios(arguments: Arguments, names: list[str]) -> int:
-    for option in ("serve", "lockstep", "realtime"):
+def _refuse(arguments: Arguments, by: str, *options: str) -> None:
+    """What does not go together. Raises `ConfigError`."""
+    for option in options:
         if getattr(arguments, option):
-            raise ConfigError(f"--scenarios brings its own plant and its own clock: leave out --{option}")
+            raise ConfigError(f"{by} brings its own plant and its own clock: leave out --{option}")
+
+
+def _run_scenarios(arguments: Arguments, names: list[str]) -> int:
     from companion.commands import scenarios  # noqa: PLC0415
 
     return scenarios.run(

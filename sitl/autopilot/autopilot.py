@@ -250,7 +250,10 @@ class Autopilot:
         self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
 
     def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
-        """SET_POSITION_TARGET_LOCAL_NED: flown by PX4's own position controller for as long as OFFBOARD is."""
+        """A position set-point, flown by PX4's own position controller for as long as OFFBOARD is.
+
+        What SET_POSITION_TARGET_LOCAL_NED asks for; the links of the plant do not take that message yet.
+        """
         self._position_target = setpoint, yaw_rad
         self.commander.setpoint_arrived(self.time_us)
 

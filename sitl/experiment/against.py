@@ -7,8 +7,6 @@ All three begin in the air in Hold, so that none owes its error to a take-off. P
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,11 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.control.reference_model import discretise
+from companion.config.controller import AxisSection
+from companion.control.reference_model import transition
 from companion.control.types import PositionSetpoint
 from companion.flight.authority.states import Reason
 from companion.flight.pilot.mission import Mission
 from companion.flight.process import FlightProcess
+from companion.processes import Processes
 from companion.record.folder import open_folder
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.modes import FlightMode
@@ -33,6 +33,7 @@ CONTROLLERS: Final = ("hedged", "standard", "px4")
 ALTITUDE_M: Final = 5.0
 SETTLE_S: Final = 10.0  # in Hold, before anybody takes over
 _STREAMED_US: Final = 1_500_000  # of set-points before the pilot switches
+_PATIENCE_US: Final = 10_000_000  # with an autopilot that does not go to OFFBOARD
 _SETPOINT_US: Final = 20_000
 _SAMPLE_US: Final = 20_000
 
@@ -97,8 +98,7 @@ def fly_against(config: Config, config_path: Path, folder: Path, controller: str
     world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
     watch = _Watch(world)
     if controller == "px4":
-        _fly_px4(config, world, watch)
-        reason = Reason.MISSION_COMPLETE
+        reason = _fly_px4(config, world, watch)
     else:
         recorder = open_folder(folder, config_path, config, blocking=True)
         try:
@@ -113,8 +113,8 @@ def fly_against(config: Config, config_path: Path, folder: Path, controller: str
     return Compared(controller, reason.value, score(config, samples) if complete else None)
 
 
-def _fly_px4(config: Config, world: World, watch: _Watch) -> None:
-    """Position set-points of the mission, from where OFFBOARD began, until its time is up."""
+def _fly_px4(config: Config, world: World, watch: _Watch) -> Reason:
+    """Position set-points of the mission, from where OFFBOARD began, until its time is up or OFFBOARD is."""
     assert config.mission.duration_s is not None
     autopilot, mission = world.autopilot, Mission(config.mission)
     origin: PositionSetpoint | None = None
@@ -126,8 +126,12 @@ def _fly_px4(config: Config, world: World, watch: _Watch) -> None:
         if watch.engaged_us is not None:
             origin = origin or at
             elapsed_s = 1e-6 * (autopilot.time_us - watch.engaged_us)
+            if autopilot.commander.mode is not FlightMode.OFFBOARD:
+                return Reason.MODE_CHANGED
+        elif autopilot.time_us - watch.first_setpoint_us > _PATIENCE_US:
+            return Reason.ENGAGE_REFUSED
         if mission.over(elapsed_s):
-            return
+            return Reason.MISSION_COMPLETE
         wanted = at if origin is None else mission.command(elapsed_s, origin)
         autopilot.on_position_target(PositionControlSetpoint((wanted.x_m, wanted.y_m, wanted.z_m)), wanted.yaw_rad)
         autopilot.advance(autopilot.time_us + _SETPOINT_US)
@@ -137,7 +141,7 @@ def score(config: Config, samples: npt.NDArray[np.float64]) -> Scores:
     """Scores of rows (s since control began, truth x, y, estimate x, y), local NED."""
     mission = Mission(config.mission)
     origin = PositionSetpoint(float(samples[0, 3]), float(samples[0, 4]), 0.0, 0.0)
-    axis = config.controller.axes.x
+    axes = (config.controller.axes.x, config.controller.axes.y or config.controller.axes.x)
     ideal = [(origin.x_m, 0.0), (origin.y_m, 0.0)]
     along = (1.0, 0.0)
     last_s, last = 0.0, origin
@@ -148,15 +152,12 @@ def score(config: Config, samples: npt.NDArray[np.float64]) -> Scores:
         length = float(np.hypot(*way))
         if length > 0.0:
             along, last = (way[0] / length, way[1] / length), command
-        phi11, phi12, phi21, phi22, gamma1, gamma2 = discretise(
-            axis.natural_frequency_rad_s, axis.damping_ratio, time_s - last_s
-        )
-        last_s = time_s
-        pull = axis.natural_frequency_rad_s**2
+        wanted = command.x_m, command.y_m
         ideal = [
-            (phi11 * at + phi12 * speed + gamma1 * pull * wanted, phi21 * at + phi22 * speed + gamma2 * pull * wanted)
-            for (at, speed), wanted in zip(ideal, (command.x_m, command.y_m), strict=True)
+            _ideal(axis, state, command_m, time_s - last_s)
+            for axis, state, command_m in zip(axes, ideal, wanted, strict=True)
         ]
+        last_s = time_s
         rows.append([place - ideal[n % 2][0] for n, place in enumerate(places)] + list(along))
     truth_x, truth_y, said_x, said_y, along_x, along_y = np.array(rows).T
     truth_x, truth_y = truth_x - truth_x.mean(), truth_y - truth_y.mean()
@@ -172,8 +173,19 @@ def score(config: Config, samples: npt.NDArray[np.float64]) -> Scores:
     )
 
 
+def _ideal(axis: AxisSection, state: tuple[float, float], command_m: float, dt_s: float) -> tuple[float, float]:
+    """Position and velocity of the ideal reference (19) a step later."""
+    over = transition(axis.natural_frequency_rad_s, axis.damping_ratio, dt_s)
+    at, speed = state
+    acceleration = axis.natural_frequency_rad_s**2 * command_m
+    return (
+        over.phi11 * at + over.phi12 * speed + over.gamma1 * acceleration,
+        over.phi21 * at + over.phi22 * speed + over.gamma2 * acceleration,
+    )
+
+
 def compare(config: Config, config_path: Path, folder: Path) -> list[Compared]:
-    """Fly all three, several at a time."""
-    with ProcessPoolExecutor(len(CONTROLLERS), get_context("spawn")) as pool:
-        flights = [pool.submit(fly_against, config, config_path, folder / name, name) for name in CONTROLLERS]
-        return [flight.result() for flight in flights]
+    """Fly all three, two at a time. Ctrl-C ends them. Raises `ConfigError`."""
+    with Processes(elsewhere=True) as processes:
+        flights = [processes.call(fly_against, config, config_path, folder / name, name) for name in CONTROLLERS]
+        return [flight() for flight in flights]

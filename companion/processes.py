@@ -1,4 +1,4 @@
-"""Long searches in processes of their own, one a core."""
+"""Long work in processes of its own, one a core, that Ctrl-C ends: searches for a certificate, flights in the plant."""
 
 from __future__ import annotations
 
