@@ -24,6 +24,8 @@ from companion.record import schema
 from companion.record.recorder import EVENT, RECEIVED, RECORD_HEADER, SENT, TICK
 
 _CHUNK = 1 << 16
+_TRAFFIC = (RECEIVED, SENT)
+_TIME = struct.Struct(">Q")  # of a tlog record, before the frame: microseconds, big endian
 
 
 def records(stream: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
@@ -66,8 +68,11 @@ class _File:
         try:
             action()
         except OSError as error:
-            self.failed = True
-            print(f"{self.name}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
+            self.fail(error)
+
+    def fail(self, error: OSError) -> None:
+        self.failed = True
+        print(f"{self.name}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
 
 
 def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:
@@ -96,13 +101,18 @@ def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]]) -
         writer, tick_channel, event_channel = _open_mcap(flight)
         sequence = 0
         for kind, time_us, data in all_records:
-            if kind in (RECEIVED, SENT):
-                tlog.attempt(lambda t=time_us, d=data: _to(traffic, t, d))  # type: ignore[misc]
-            elif kind in (TICK, EVENT):
-                channel = tick_channel if kind == TICK else event_channel
-                time_ns = time_us * 1000
-                mcap.attempt(lambda c=channel, t=time_ns, s=sequence, d=data: writer.add_message(c, t, d, t, s))  # type: ignore[misc]
-                sequence += 1
+            log = tlog if kind in _TRAFFIC else mcap
+            if log.failed:
+                continue
+            try:
+                if log is tlog:
+                    traffic.write(_TIME.pack(time_us) + data)
+                elif kind in (TICK, EVENT):
+                    channel, time_ns = tick_channel if kind == TICK else event_channel, time_us * 1000
+                    writer.add_message(channel, time_ns, data, time_ns, sequence)
+                    sequence += 1
+            except OSError as error:
+                log.fail(error)
         mcap.attempt(writer.finish)
         mcap.attempt(flight.flush)
         tlog.attempt(traffic.flush)
@@ -110,11 +120,6 @@ def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]]) -
             with contextlib.suppress(OSError):
                 file.close()
     return not (tlog.failed or mcap.failed)
-
-
-def _to(traffic: IO[bytes], time_us: int, frame: bytes) -> None:
-    """One tlog record: time in microseconds, big endian, and the frame."""
-    traffic.write(struct.pack(">Q", time_us) + frame)
 
 
 if __name__ == "__main__":
