@@ -47,7 +47,7 @@ def read_log(client: Client, until_s: float) -> dict[str, float]:
 
 
 def read_log_by_mavsdk(client: Client, until_s: float) -> dict[str, float]:
-    """mavsdk's plugin fetches it: 46 kB a request, which the door spreads."""
+    """mavsdk's plugin fetches it: 46 kB a request, which the tool server spreads."""
     from mavsdk.plugins.log_files import LogFiles  # noqa: PLC0415
 
     with Services(client) as services, tempfile.TemporaryDirectory() as folder:
@@ -99,11 +99,11 @@ def tool(kind: str, url: str, seconds: float) -> None:
     print("ready", flush=True)
     done = TOOLS[kind](client, time.monotonic() + seconds)
     client.close()
-    print(json.dumps({**done, "through_the_door": client.shared}), flush=True)
+    print(json.dumps({**done, "through_the_flight": client.shared}), flush=True)
 
 
 class Inside:
-    """In place of the door: mavsdk in the flying process itself, its threads asking for parameters all the while."""
+    """In place of the tool server: mavsdk in the flying process, its threads asking for parameters all the while."""
 
     def __init__(self, *_: object) -> None:
         self.attached = True

@@ -14,12 +14,12 @@ from companion.config import Config, ConfigError
 from companion.flight.authority.states import ORDINARY, Reason
 from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
-from companion.flight.host.terminal import Speaker
+from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
 from companion.flight.readiness.certificate import uncovered, unwatched
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
-from companion.mavlink.tool_client import door_of
+from companion.mavlink.tool_client import tool_socket
 from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder
 from companion.record.recorder import EVENT
@@ -82,14 +82,14 @@ def run(arguments: Arguments) -> int:
     try:
         folder = new_folder(arguments.out, config_path.stem)
         recorder = open_folder(folder, config_path, config, blocking=False)
-        speaker = Speaker()
+        terminal = Terminal()
         notifier = Notifier()
-        door = _door(link, speaker)
+        tools = _tool_server(link, terminal)
         try:
-            speaker.say(f"link {link.name}, log {folder}")
+            terminal.print_line(f"link {link.name}, log {folder}")
             for name, lines in (("process", prepare_process(config.service)), ("unwatched", _unwatched(config))):
                 for line in lines:
-                    speaker.say(line)
+                    terminal.print_line(line)
                     recorder.add(EVENT, time.time_ns() // 1000, pack_event(name, line))
             summary = FlightProcess(
                 config,
@@ -99,15 +99,15 @@ def run(arguments: Arguments) -> int:
                 engage=arguments.engage,
                 warning=warning,
                 uncertified=arguments.uncertified,
-                tools=door,
+                tools=tools,
                 notifier=notifier,
-                print_line=speaker.say,
+                print_line=terminal.print_line,
             ).run()
         finally:
             notifier.close()
-            if door is not None:
-                door.close()
-            speaker.close()
+            if tools is not None:
+                tools.close()
+            terminal.close()
             complaint = recorder.close()
             if complaint is not None:
                 print(f"companion: {complaint}", file=sys.stderr)
@@ -128,12 +128,12 @@ def exit_code(summary: Summary) -> int:
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
 
 
-def _door(link: Link, speaker: Speaker) -> ToolServer | None:
-    """A door for `companion vehicle` and `companion logs`; without one the flight is none the worse."""
+def _tool_server(link: Link, terminal: Terminal) -> ToolServer | None:
+    """Serves `companion vehicle` and `companion logs`; without one the flight is none the worse."""
     try:
-        return ToolServer(door_of(link.name), ON_A_LINE if link.stream else ON_A_NETWORK)
+        return ToolServer(tool_socket(link.name), ON_A_LINE if link.stream else ON_A_NETWORK)
     except LinkError as error:
-        speaker.say(str(error))
+        terminal.print_line(str(error))
         return None
 
 

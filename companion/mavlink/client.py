@@ -1,6 +1,6 @@
 """A tool's side of the link: the configured vehicle's frames in, questions out.
 
-The link is opened as `companion run` opens it; where that is running already and has it, its door is used instead.
+Opened as `companion run` opens it; where that has it already, its socket for tools is used instead.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from companion.config import Config
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.signing import Signing, read_key
-from companion.mavlink.tool_client import GuestLink, doors_of
+from companion.mavlink.tool_client import ToolLink, tool_sockets
 
 HEARTBEAT: Final = Layout("HEARTBEAT")
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one
@@ -26,19 +26,19 @@ COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the compan
 _TIMEOUT_S: Final = 0.02
 _HELLO_S: Final = 0.5
 _NICE: Final = 10
-_DOOR: Final = "unix://"
+_TOOL_SOCKET: Final = "unix://"
 
 
 def open_shared(url: str) -> Link:
-    """The link; or, where a process has it already, its door. Raises `LinkError`.
+    """The link; or, where a process has it already, its socket for tools. Raises `LinkError`.
 
-    The door comes first: a second socket could be opened beside a `udpout` link, and would never hear a word.
+    That socket comes first: a second socket could be opened beside a `udpout` link, and would never hear a word.
     """
-    if url.startswith(_DOOR):
-        return GuestLink(Path(url.removeprefix(_DOOR)), _TIMEOUT_S)
-    for door in doors_of(url):
+    if url.startswith(_TOOL_SOCKET):
+        return ToolLink(Path(url.removeprefix(_TOOL_SOCKET)), _TIMEOUT_S)
+    for path in tool_sockets(url):
         with contextlib.suppress(LinkError):  # none there, or left behind by a process that is no more
-            return GuestLink(door, _TIMEOUT_S)
+            return ToolLink(path, _TIMEOUT_S)
     return open_link(url, _TIMEOUT_S)
 
 
@@ -54,9 +54,9 @@ class Client:
         self._vehicle = (config.vehicle.system_id, config.vehicle.component_id)
         self._link = open_shared(url or config.link.url)
         self.name = self._link.name
-        self.shared = isinstance(self._link, GuestLink)
+        self.shared = isinstance(self._link, ToolLink)
         key_file = config.link.signing_key_file
-        # Behind a door the flying process verifies what comes and signs what goes.
+        # With it the flying process verifies what comes and signs what goes.
         self._signing = None if key_file is None or self.shared else Signing(read_key(key_file))
         self._parser = FrameParser(stream=self._link.stream)
         self._pymavlink = mavlink.MAVLink(None, srcSystem=config.link.system_id, srcComponent=COMPONENT_ID)

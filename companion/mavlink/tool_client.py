@@ -1,4 +1,4 @@
-"""A tool's way to the vehicle while another process has the link: through that one's door (see `sharing`)."""
+"""A tool's way to the vehicle while another process has the link: through the socket of its tool server."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from companion.mavlink.link import LinkError
 
 _SERVICE_FOLDER: Final = Path("/run/companion")  # RuntimeDirectory= of systemd/companion.service
 _DATAGRAM_BYTES: Final = 2048
-_HELLO_S: Final = 0.5  # between two empty datagrams that say the guest is still there
+_HELLO_S: Final = 0.5  # between two empty datagrams that say the tool is still there
 
 
-def door_of(url: str) -> Path:
-    """Where the process that has this link opens its door: a service in its own folder, else where its user's are."""
+def tool_socket(url: str) -> Path:
+    """Where the process that has this link opens its socket for tools: a service in its own folder, else its user's."""
     service = os.environ.get("RUNTIME_DIRECTORY")
     return (Path(service) if service else _user_folder()) / _name(url)
 
 
-def doors_of(url: str) -> list[Path]:
+def tool_sockets(url: str) -> list[Path]:
     """Where a tool looks for it."""
     return [folder / _name(url) for folder in (_user_folder(), _SERVICE_FOLDER)]
 
@@ -37,8 +37,8 @@ def _name(url: str) -> str:
     return f"companion-{hashlib.sha256(url.encode()).hexdigest()[:12]}.sock"  # a socket's path is short
 
 
-class GuestLink:
-    """A tool's side: a link as any other, to the vehicle of the process behind a door."""
+class ToolLink:
+    """A tool's side: a link as any other, to the vehicle of the process that has it."""
 
     stream = False
 
@@ -77,7 +77,7 @@ class GuestLink:
             raise LinkError(f"link {self.name}: the process that has the link has ended") from None
 
     def lock(self) -> None:
-        """A door has one other side."""
+        """A socket has one other side."""
 
     def close(self) -> None:
         self._socket.close()

@@ -1,11 +1,11 @@
-"""One link for two processes: a door through which a tool talks to the vehicle while `companion run` flies it.
+"""One link for two processes: a Unix socket through which a tool talks to the vehicle while `companion run` flies it.
 
 PX4 locks on to the first sender's port and a tty has one owner, so the flying process keeps the link. It hands what is
-not hot to whoever knocks at a Unix socket, and sends on what that guest asks. So mavsdk, with threads and native code
+not hot to the tool that attaches to the socket, and sends on what it asks. So mavsdk, with threads and native code
 of its own, stays out of the process that flies: it cannot delay a tick, and when it dies nothing falls.
 
-What passes outward are questions only. A guest cannot arm, change a mode or a parameter, send a set-point or a
-heartbeat, nor ask for the list of all parameters, which is a burst of a thousand frames. What he asks of the logs is
+What passes outward are questions only. A tool cannot arm, change a mode or a parameter, send a set-point or a
+heartbeat, nor ask for the list of all parameters, which is a burst of a thousand frames. What it asks of the logs is
 asked in small bursts, one after the other, that the loop does not feel.
 """
 
@@ -72,7 +72,7 @@ _GONE_S: Final = 2.0
 
 
 def question(frame: Frame) -> bool:
-    """Whether a frame only asks, so that a guest may send it."""
+    """Whether a frame only asks, so that a tool may send it."""
     if frame.message_id not in _QUESTIONS:
         return False
     if frame.message_id in (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT):
@@ -81,7 +81,7 @@ def question(frame: Frame) -> bool:
 
 
 class _LogRequest(NamedTuple):
-    """What is still to be asked of a log for a guest."""
+    """What is still to be asked of a log for a tool."""
 
     system_id: int
     component_id: int
@@ -111,7 +111,7 @@ class _LogRequest(NamedTuple):
 class ToolServer:
     """The flying process's side. `pace`: of the bursts in which a log is asked for.
 
-    Attributes: `attached` whether a guest is there; `refused` frames of his.
+    Attributes: `attached` whether a tool is there; `refused` frames of its.
     Raises `LinkError` with one line where it cannot be opened.
     """
 
@@ -120,7 +120,7 @@ class ToolServer:
         self._pace = pace
         self.attached = False
         self.refused = 0
-        self._guest: str | bytes = ""
+        self._tool: str | bytes = ""
         self._heard_s = self._log_s = 0.0
         self._log: _LogRequest | None = None
         self._parser = FrameParser()
@@ -130,26 +130,26 @@ class ToolServer:
             owner = path.parent.stat()
             if owner.st_uid != os.getuid() or owner.st_mode & stat.S_IWOTH:
                 raise PermissionError(0, f"{path.parent} belongs to somebody else")
-            path.unlink(missing_ok=True)  # who owns the link owns its door: what lies there was left behind
+            path.unlink(missing_ok=True)  # who owns the link owns the socket: what lies there was left behind
             self._socket.bind(str(path))
             path.chmod(0o600)
         except OSError as error:
             self._socket.close()
-            raise LinkError(f"{path}: cannot open the door for tools: {error.strerror or error}") from None
+            raise LinkError(f"{path}: cannot open the socket for tools: {error.strerror or error}") from None
 
     def offer(self, frames: Iterable[Frame]) -> None:
-        """Hand the guest what is not hot of the vehicle's frames; what he does not take is lost."""
+        """Hand the tool what is not hot of the vehicle's frames; what it does not take is lost."""
         for frame in frames:
             if frame.message_id in COLD:
                 try:
-                    self._socket.sendto(frame.raw, self._guest)
+                    self._socket.sendto(frame.raw, self._tool)
                 except BlockingIOError:
                     pass
                 except OSError:
                     self.attached = False
 
     def asked(self, now_s: float) -> bytes:
-        """The next frame to be sent for the guest, empty for none. Never waits; call it after the set-point is out."""
+        """The next frame to be sent for the tool, empty for none. Never waits; call it after the set-point is out."""
         return self._burst(now_s) or self._question(now_s)
 
     def _burst(self, now_s: float) -> bytes:
@@ -165,10 +165,10 @@ class ToolServer:
         except OSError:
             self.attached = self.attached and now_s - self._heard_s < _GONE_S
             return b""
-        if sender != self._guest and self.attached and now_s - self._heard_s < _GONE_S:
+        if sender != self._tool and self.attached and now_s - self._heard_s < _GONE_S:
             self.refused += 1
-            return b""  # one guest at a time
-        self._guest, self.attached, self._heard_s = sender, bool(sender), now_s
+            return b""  # one tool at a time
+        self._tool, self.attached, self._heard_s = sender, bool(sender), now_s
         frames = self._parser.feed(data)
         if not frames:
             return b""

@@ -95,4 +95,4 @@ def test_tools_ask_the_vehicle_while_it_is_flown(tmp_path: Path, monkeypatch: py
     assert len(engaged) > 0.5 * 250 * (answered_s - asked_s)
     steps_s = np.diff(engaged["time_s"])
     assert np.allclose(steps_s, 0.004, atol=0.0015), "every sample of the vehicle was answered"
-    assert not list(runtime.iterdir()), "the door is taken away"
+    assert not list(runtime.iterdir()), "the socket is taken away"

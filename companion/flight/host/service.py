@@ -107,7 +107,7 @@ def prepare_process(service: ServiceSection) -> list[str]:
 
 def _run_in_real_time(priority: int) -> str:
     try:
-        # Children and threads start at ordinary priority: the log's writer and the speaker must not starve others.
+        # Children and threads start at ordinary priority: the log's writer and the terminal must not starve others.
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
         return f"not granted: SCHED_FIFO {priority} ({error.strerror}): raise LimitRTPRIO or give CAP_SYS_NICE"

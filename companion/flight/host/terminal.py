@@ -11,16 +11,16 @@ import queue
 import threading
 
 
-class Speaker:
+class Terminal:
     """Writes lines to a file descriptor, some time soon, or never."""
 
     def __init__(self, fd: int = 1) -> None:
         self._fd = fd
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._write, name="speaker", daemon=True)
+        self._thread = threading.Thread(target=self._write, name="terminal", daemon=True)
         self._thread.start()
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         """Queue a line. Never blocks, never raises."""
         self._lines.put(line)
 

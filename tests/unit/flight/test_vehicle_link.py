@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import pytest
 from hypothesis import given, settings
@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config, load_config
-from companion.control.types import AttitudeSetpoint, PositionSetpoint
+from companion.control.types import AttitudeSetpoint, Odometry, PositionSetpoint
 from companion.flight.authority.states import State
 from companion.flight.host.clock import Clock
+from companion.flight.process import FlightProcess
 from companion.flight.vehicle_link.link import VehicleLink
+from companion.flight.vehicle_link.messages import ROWS, Heartbeat, ModeReport
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.signing import Signing
 from companion.record.recorder import RECEIVED, SENT
@@ -303,3 +305,11 @@ def test_only_whole_frames_of_the_vehicle_ever_come_out(pieces: list[bytes], con
         assert (frame.system_id, frame.component_id) == (1, 1)
         assert frame.raw in known
         assert connected or frame.message_id == 0
+
+
+def test_whatever_the_link_tells_has_somebody_who_takes_it() -> None:
+    """A record that nobody handles would end a flight with internal_error: every row's is among the handlers."""
+    process = FlightProcess(config(), Wire(), Log())  # type: ignore[arg-type]
+    told = {get_type_hints(row.decode)["return"] for row in ROWS}
+    records = {part for hint in told for part in (get_args(hint) or (hint,)) if part is not type(None)}
+    assert records | {Odometry, Heartbeat, ModeReport} == set(process._handlers)

@@ -1,4 +1,4 @@
-"""The door of a flying process, over a real Unix socket: who gets in, what goes out, what comes through."""
+"""The tool server of a flying process, over a real Unix socket: who gets in, what goes out, what comes through."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.mavlink.client import open_shared
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.link import LinkError
 from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE
-from companion.mavlink.tool_client import GuestLink, door_of, doors_of
+from companion.mavlink.tool_client import ToolLink, tool_socket, tool_sockets
 from companion.mavlink.tool_server import COLD, ToolServer, question
 
 REQUEST_DATA = Layout("LOG_REQUEST_DATA")
@@ -29,16 +29,16 @@ def frame_of(message: Any) -> Frame:
 
 
 @pytest.fixture
-def door(tmp_path: Path) -> Iterator[ToolServer]:
+def server(tmp_path: Path) -> Iterator[ToolServer]:
     tmp_path.chmod(0o700)
-    opened = ToolServer(tmp_path / "door.sock")
+    opened = ToolServer(tmp_path / "tools.sock")
     yield opened
     opened.close()
 
 
 @pytest.fixture
-def guest(door: ToolServer) -> Iterator[GuestLink]:
-    link = GuestLink(door.path, 0.02)
+def tool(server: ToolServer) -> Iterator[ToolLink]:
+    link = ToolLink(server.path, 0.02)
     yield link
     link.close()
 
@@ -72,52 +72,52 @@ ORDERS = [
 
 
 @pytest.mark.parametrize("message", QUESTIONS, ids=lambda m: m.get_type())
-def test_a_question_goes_out(door: ToolServer, guest: GuestLink, message: Any) -> None:
+def test_a_question_goes_out(server: ToolServer, tool: ToolLink, message: Any) -> None:
     frame = frame_of(message)
     assert question(frame)
-    guest.send(frame.raw)
-    assert door.asked(10.0) == frame.raw
-    assert door.attached
+    tool.send(frame.raw)
+    assert server.asked(10.0) == frame.raw
+    assert server.attached
 
 
 @pytest.mark.parametrize("message", ORDERS, ids=lambda m: m.get_type())
-def test_an_order_does_not(door: ToolServer, guest: GuestLink, message: Any) -> None:
-    guest.send(frame_of(message).raw)
-    assert door.asked(10.0) == b""
-    assert door.refused == 1
+def test_an_order_does_not(server: ToolServer, tool: ToolLink, message: Any) -> None:
+    tool.send(frame_of(message).raw)
+    assert server.asked(10.0) == b""
+    assert server.refused == 1
 
 
-def test_an_order_behind_a_question_does_not_slip_through(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(frame_of(READ).raw + frame_of(px4.arm(1, 1)).raw)
-    assert door.asked(10.0) == b""
-    assert door.refused == 1
+def test_an_order_behind_a_question_does_not_slip_through(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(frame_of(READ).raw + frame_of(px4.arm(1, 1)).raw)
+    assert server.asked(10.0) == b""
+    assert server.refused == 1
 
 
-def test_rubbish_goes_nowhere(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(b"\xfd" * 300)
-    guest.send(frame_of(READ).raw[:-1])
-    assert [door.asked(10.0), door.asked(10.0)] == [b"", b""]
+def test_rubbish_goes_nowhere(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(b"\xfd" * 300)
+    tool.send(frame_of(READ).raw[:-1])
+    assert [server.asked(10.0), server.asked(10.0)] == [b"", b""]
 
 
-def test_what_is_hot_stays_inside(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(b"")
-    assert door.asked(10.0) == b""
-    assert door.attached, "an empty datagram knocks"
+def test_what_is_hot_stays_inside(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(b"")
+    assert server.asked(10.0) == b""
+    assert server.attached, "an empty datagram says that a tool is there"
     hot = frame_of(READ)._replace(message_id=mavlink.MAVLINK_MSG_ID_ODOMETRY)
     cold = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
-    door.offer([hot, cold, hot])
-    assert guest.receive() == cold.raw
-    assert guest.receive() == b""
+    server.offer([hot, cold, hot])
+    assert tool.receive() == cold.raw
+    assert tool.receive() == b""
     for name in ("ODOMETRY", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "ATTITUDE", "HIGHRES_IMU", "CURRENT_MODE"):
         assert getattr(mavlink, f"MAVLINK_MSG_ID_{name}") not in COLD
 
 
-def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: ToolServer, guest: GuestLink) -> None:
+def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(server: ToolServer, tool: ToolLink) -> None:
     big = frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 4500, 1000))
-    guest.send(big.raw)
+    tool.send(big.raw)
     now_s, asked = 10.0, []
     while now_s < 10.5:
-        if data := door.asked(now_s):
+        if data := server.asked(now_s):
             (frame,) = FrameParser().feed(data)
             values = REQUEST_DATA.named(frame.payload)
             assert (values["id"], values["target_system"], values["target_component"]) == (3, 1, 1)
@@ -132,60 +132,60 @@ def test_a_log_is_asked_for_in_small_bursts_one_after_the_other(door: ToolServer
     assert min(b[0] - a[0] for a, b in pairwise(asked)) >= ON_A_LINE.interval_s
 
 
-def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 46080)).raw)
-    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 4, 90, 46080)).raw)
-    bursts = FrameParser().feed(b"".join(door.asked(10.0 + 0.004 * turn) for turn in range(20)))
+def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 46080)).raw)
+    tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 4, 90, 46080)).raw)
+    bursts = FrameParser().feed(b"".join(server.asked(10.0 + 0.004 * turn) for turn in range(20)))
     assert [REQUEST_DATA.named(frame.payload)["id"] for frame in bursts] == [3, 4, 4, 4]
     end = frame_of(mavlink.MAVLink_log_request_end_message(1, 1))
-    guest.send(end.raw)
-    assert end.raw in [door.asked(10.081), door.asked(10.082)]
-    assert [door.asked(11.0), door.asked(12.0)] == [b"", b""]
+    tool.send(end.raw)
+    assert end.raw in [server.asked(10.081), server.asked(10.082)]
+    assert [server.asked(11.0), server.asked(12.0)] == [b"", b""]
 
 
 @pytest.mark.parametrize("offset", [0, 0xFFFFFFFF])
-def test_a_request_without_end_does_not_break_the_door(door: ToolServer, guest: GuestLink, offset: int) -> None:
-    guest.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
-    assert len([data for step in range(300) if (data := door.asked(10.0 + step))]) == (300 if offset == 0 else 1)
+def test_a_request_without_end_does_not_break_the_server(server: ToolServer, tool: ToolLink, offset: int) -> None:
+    tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
+    assert len([data for step in range(300) if (data := server.asked(10.0 + step))]) == (300 if offset == 0 else 1)
 
 
-def test_one_guest_at_a_time_until_he_has_gone(door: ToolServer, guest: GuestLink) -> None:
-    second = GuestLink(door.path, 0.02)
+def test_one_tool_at_a_time_until_he_has_gone(server: ToolServer, tool: ToolLink) -> None:
+    second = ToolLink(server.path, 0.02)
     try:
-        guest.send(b"")
-        door.asked(10.0)
+        tool.send(b"")
+        server.asked(10.0)
         second.send(frame_of(READ).raw)
-        assert door.asked(11.0) == b""
+        assert server.asked(11.0) == b""
         second.send(frame_of(READ).raw)
-        assert door.asked(13.0) == frame_of(READ).raw, "the first has been silent for two seconds"
+        assert server.asked(13.0) == frame_of(READ).raw, "the first has been silent for two seconds"
     finally:
         second.close()
 
 
-def test_a_guest_who_died_is_forgotten(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(b"")
-    door.asked(10.0)
-    guest.close()
-    door.offer([frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))])
-    assert not door.attached
+def test_a_tool_who_died_is_forgotten(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(b"")
+    server.asked(10.0)
+    tool.close()
+    server.offer([frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))])
+    assert not server.attached
 
 
-def test_a_guest_who_falls_silent_is_forgotten(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(b"")
-    door.asked(10.0)
-    door.asked(11.0)
-    assert door.attached
-    door.asked(13.0)
-    assert not door.attached
+def test_a_tool_who_falls_silent_is_forgotten(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(b"")
+    server.asked(10.0)
+    server.asked(11.0)
+    assert server.attached
+    server.asked(13.0)
+    assert not server.attached
 
 
-def test_a_guest_who_does_not_read_holds_nobody_up(door: ToolServer, guest: GuestLink) -> None:
-    guest.send(b"")
-    door.asked(10.0)
+def test_a_tool_who_does_not_read_holds_nobody_up(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(b"")
+    server.asked(10.0)
     frame = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
-    door.offer([frame] * 5000)
-    assert door.attached
-    assert guest.receive() == frame.raw
+    server.offer([frame] * 5000)
+    assert server.attached
+    assert tool.receive() == frame.raw
 
 
 def test_a_path_too_long_for_a_socket_is_one_line(tmp_path: Path) -> None:
@@ -194,24 +194,24 @@ def test_a_path_too_long_for_a_socket_is_one_line(tmp_path: Path) -> None:
         ToolServer(tmp_path / ("x" * 120))
 
 
-def test_the_door_of_a_process_that_ended_says_so(door: ToolServer, guest: GuestLink) -> None:
-    door.close()
+def test_the_socket_of_a_process_that_ended_says_so(server: ToolServer, tool: ToolLink) -> None:
+    server.close()
     with pytest.raises(LinkError, match="has ended"):
-        guest.send(b"")
-    assert not door.path.exists()
+        tool.send(b"")
+    assert not server.path.exists()
 
 
-def test_what_a_dead_process_left_is_replaced(door: ToolServer) -> None:
-    again = ToolServer(door.path)
-    link = GuestLink(door.path, 0.02)
+def test_what_a_dead_process_left_is_replaced(server: ToolServer) -> None:
+    again = ToolServer(server.path)
+    link = ToolLink(server.path, 0.02)
     link.send(frame_of(READ).raw)
     assert again.asked(10.0) == frame_of(READ).raw
     link.close()
     again.close()
 
 
-def test_nobody_else_can_knock(door: ToolServer) -> None:
-    assert door.path.stat().st_mode & 0o077 == 0
+def test_nobody_else_can_attach(server: ToolServer) -> None:
+    assert server.path.stat().st_mode & 0o077 == 0
 
 
 def test_a_folder_that_anybody_may_write_is_refused(tmp_path: Path) -> None:
@@ -219,47 +219,47 @@ def test_a_folder_that_anybody_may_write_is_refused(tmp_path: Path) -> None:
     folder.mkdir()
     folder.chmod(0o777)
     with pytest.raises(LinkError, match="somebody else"):
-        ToolServer(folder / "door.sock")
+        ToolServer(folder / "tools.sock")
 
 
 @pytest.mark.parametrize("url", ["udpin://127.0.0.1:{}", "udpout://127.0.0.1:{}"])
-def test_a_tool_finds_the_door_of_whoever_has_the_link(url: str, monkeypatch: Any, tmp_path: Path) -> None:
+def test_a_tool_finds_the_socket_of_whoever_has_the_link(url: str, monkeypatch: Any, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         url = url.format(free.getsockname()[1])
-    door = ToolServer(door_of(url))
+    server = ToolServer(tool_socket(url))
     try:
-        for name in (url, f"unix://{door.path}"):
+        for name in (url, f"unix://{server.path}"):
             link = open_shared(name)
-            assert link.name == f"unix://{door.path}"
+            assert link.name == f"unix://{server.path}"
             link.close()
     finally:
-        door.close()
+        server.close()
     link = open_shared(url)
     assert link.name == url
     link.close()
 
 
-def test_a_service_has_its_door_in_its_own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_service_has_its_socket_in_its_own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     url = "serial:///dev/ttyAMA0:921600"
     monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/companion")
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    assert door_of(url) in doors_of(url)
+    assert tool_socket(url) in tool_sockets(url)
     monkeypatch.delenv("RUNTIME_DIRECTORY")
-    assert door_of(url) == doors_of(url)[0]
-    assert door_of(url) != door_of("serial:///dev/ttyAMA1:921600")
+    assert tool_socket(url) == tool_sockets(url)[0]
+    assert tool_socket(url) != tool_socket("serial:///dev/ttyAMA1:921600")
 
 
-def test_a_door_left_behind_is_passed_by(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_socket_left_behind_is_passed_by(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     url = "udpout://127.0.0.1:14999"
-    door = ToolServer(door_of(url))
-    door._socket.close()  # as a kill -9 does
+    server = ToolServer(tool_socket(url))
+    server._socket.close()  # as a kill -9 does
     link = open_shared(url)
     assert link.name == url
     link.close()
     with pytest.raises(LinkError, match="refused"):
-        open_shared(f"unix://{door.path}")
+        open_shared(f"unix://{server.path}")
