@@ -1,8 +1,7 @@
-"""The fastest reference model that an identified attitude response allows, with a margin, and what limits it."""
+"""The reference model and the adaptation for an identified attitude response and an estimator, and what limits them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
@@ -12,10 +11,13 @@ from companion.attitude_response.exact import Interval
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.velocity_error import SAMPLED_SHARE, Adaptation, choose, two_figures
+from companion.config.estimator import VelocityError
 
 PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s
 BOUND_PLACES: Final = Decimal("0.001")
-SAMPLED_SHARE: Final = 0.8  # of the adaptation rate at which sampling would make it unstable
+_SLOWER: Final = tuple(Decimal(share) for share in ("1", "0.95", "0.9", "0.85", "0.8", "0.7", "0.6"))
+_WORTH: Final = 0.95  # a slower reference model must leave less displacement than this share of the fastest's
 _NUDGE: Final = Decimal("1.2")  # by how much bandwidth and delay are improved in turn, to see which of them limits
 
 
@@ -27,15 +29,19 @@ class Design(NamedTuple):
     natural_frequency_rad_s, position_bound, velocity_bound
         Reference model, and projection bounds (lower, upper) in the template's proportion to the nominal weights.
     adaptation_rate, bias_adaptation_rate
-        The template's, or less where sampling demands it; the bias rate is zero without a bias weight.
+        The bias rate is zero without a bias weight. Where nothing is known of the estimator the template's, or less
+        where sampling demands it.
+    adaptation
+        What was chosen for the estimator; None where nothing is known of it.
     fastest_rad_s
         By axis, the fastest certified reference model with the margin.
     slowest
         The axis that decides.
     limited_by
-        "attitude bandwidth" or "delay": whichever, a fifth better, would allow the faster reference model.
+        "attitude bandwidth" or "delay": whichever, a fifth better, would allow the faster reference model. "noise": a
+        faster one is certified, but with this estimator it would fly worse.
     sampled
-        Whether the adaptation rates had to come down for the tick rate.
+        Whether the adaptation rates had to come down for the tick rate, or a faster tick would allow faster ones.
     cost_of_10_ms_rad_s
         By how much the fastest certified reference model would be slower with 10 ms more of delay.
     """
@@ -45,6 +51,7 @@ class Design(NamedTuple):
     velocity_bound: tuple[Decimal, Decimal]
     adaptation_rate: Decimal
     bias_adaptation_rate: Decimal
+    adaptation: Adaptation | None
     fastest_rad_s: Mapping[str, Decimal]
     slowest: str
     limited_by: str
@@ -57,8 +64,9 @@ def design(
     margin: Decimal,
     counts: Sequence[int],
     progress: Callable[[float, str], None] = lambda _fraction, _text: None,
+    error: VelocityError | None = None,
 ) -> Design | None:
-    """Choose the reference model.
+    """Choose the reference model and, where it is known how wrong the estimator is, Q and adaptation rates.
 
     Parameters
     ----------
@@ -70,6 +78,8 @@ def design(
         Rays of the Lyapunov functions to try, none for a quadratic one.
     progress
         Told the fraction done and what is being done.
+    error
+        Of the estimated velocity; None where nothing is known of it.
 
     Returns
     -------
@@ -88,25 +98,48 @@ def design(
             known[axis] = found.value
         fastest[name] = known[axis]
     slowest = min(fastest, key=lambda name: fastest[name])
-    frequency = fastest[slowest].quantize(PLACES, ROUND_FLOOR)
+    frequency, adaptation = fastest[slowest].quantize(PLACES, ROUND_FLOOR), None
+    limited_by = ""
+    if error is not None and problem.sampling:
+        certified = frequency
+        frequency, adaptation = _for_estimator(slowed, problem.sampling, certified, error)
+        limited_by = "noise" if frequency < certified else ""
     progress(0.8, f"axis {slowest}: what limits it")
-    chosen = with_natural_frequency(problem.axes[slowest], frequency)
-    position, velocity = _bounds(chosen)
-    gamma, bias, sampled = rates(
-        {name: with_natural_frequency(axis, frequency) for name, axis in problem.axes.items()}, problem.sampling
-    )
+    position, velocity = _bounds(with_natural_frequency(problem.axes[slowest], frequency))
+    if adaptation is None:
+        gamma, bias, sampled = rates(_as_fast(problem.axes, frequency), problem.sampling)
+    else:
+        gamma, bias, sampled = adaptation[1], adaptation[2], adaptation.at_sampling_limit
     return Design(
         frequency,
         position,
         velocity,
         gamma,
         bias,
+        adaptation,
         fastest,
         slowest,
-        _limit(slowed[slowest]),
+        limited_by or _limit(slowed[slowest]),
         sampled,
         fastest[slowest] - _with_10_ms_more(slowed[slowest], counts),
     )
+
+
+def _for_estimator(
+    slowed: Mapping[str, AxisProblem], sampling: Mapping[str, Sampling], fastest: Decimal, error: VelocityError
+) -> tuple[Decimal, Adaptation]:
+    """The reference model, up to the fastest that is certified, at which least is left; and its adaptation."""
+    found = []
+    for share in _SLOWER:
+        frequency = (share * fastest).quantize(PLACES, ROUND_FLOOR)
+        found.append((frequency, choose(_as_fast(slowed, frequency), sampling, error)))
+    best = min(found, key=lambda one: one[1].displacement.rms_m)
+    worth = best[1].displacement.rms_m < _WORTH * found[0][1].displacement.rms_m
+    return best if worth else found[0]
+
+
+def _as_fast(axes: Mapping[str, AxisProblem], frequency: Decimal) -> dict[str, AxisProblem]:
+    return {name: with_natural_frequency(axis, frequency) for name, axis in axes.items()}
 
 
 def slower(axis: AxisProblem, margin: Decimal) -> AxisProblem:
@@ -133,7 +166,11 @@ def rates(axes: Mapping[str, AxisProblem], sampling: Mapping[str, Sampling]) -> 
         scale = min(scale, SAMPLED_SHARE * bearable / strength if strength else 1.0)
     if scale >= 1.0:
         return first.adaptation_rate, first.bias_adaptation_rate, False
-    return _figures(first.adaptation_rate, scale), _figures(first.bias_adaptation_rate, scale), True
+    return (
+        two_figures(float(first.adaptation_rate) * scale),
+        two_figures(float(first.bias_adaptation_rate) * scale),
+        True,
+    )
 
 
 def _limit(axis: AxisProblem) -> str:
@@ -169,11 +206,3 @@ def _bounds(axis: AxisProblem) -> list[tuple[Decimal, Decimal]]:
             )
         )
     return bounds
-
-
-def _figures(rate: Decimal, scale: float) -> Decimal:
-    """Two significant figures, downwards."""
-    value = float(rate) * scale
-    if value <= 0.0:
-        return Decimal(0)
-    return Decimal(value).quantize(Decimal(1).scaleb(math.floor(math.log10(value)) - 1), ROUND_FLOOR)

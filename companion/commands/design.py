@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterator
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,9 +17,11 @@ from companion.certify.certificate import certify
 from companion.certify.design import Design, design
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
+from companion.certify.velocity_error import Adaptation
 from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
+from companion.config.estimator import VelocityError
 from companion.config.vehicles import ANGLES
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
@@ -84,11 +87,17 @@ def run(arguments: Arguments) -> int:
     with_response = _with_response(text, template, identification, arguments)
     stated = problem(load_text(with_response, out, out.parent))
     console = Console(stderr=arguments.json)
-    chosen = _design(stated, arguments, console)
+    error = identification.velocity_error if template.estimator is None else template.estimator.velocity_error
+    # An axis that does not write Q keeps that of the schema: there is no place to put another.
+    with_q = all(("controller", "axes", axis, "lyapunov_q") in key_paths(text) for axis in _axes_written(text))
+    chosen = _design(stated, arguments, error if with_q else None, console)
     if chosen is None:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
     designed = edited(with_response, _changes(with_response, chosen, template))
+    adaptation = chosen.adaptation
+    if adaptation is not None and adaptation.correct and template.controller.estimate_correction is None:
+        designed = added(designed, "controller", "estimate_correction", "{}")
     certificate = certify(problem(load_text(designed, out, out.parent)))
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin.")
@@ -96,9 +105,9 @@ def run(arguments: Arguments) -> int:
     _write(out, designed)
     _write(certificate_path(out), json.dumps(certificate, indent=1) + "\n")
     if arguments.json:
-        print(json.dumps(_to_json(chosen, template, identification, out)))
+        print(json.dumps(_to_json(chosen, template, identification, error, out)))
     else:
-        _show(chosen, template, identification, arguments, console)
+        _show(chosen, template, identification, error, arguments, console)
     return 0
 
 
@@ -135,7 +144,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
     return text
 
 
-def _design(stated: Problem, arguments: Arguments, console: Console) -> Design | None:
+def _design(stated: Problem, arguments: Arguments, error: VelocityError | None, console: Console) -> Design | None:
     columns = (TextColumn("{task.description:<36}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("designing", total=1.0)
@@ -144,7 +153,14 @@ def _design(stated: Problem, arguments: Arguments, console: Console) -> Design |
             Decimal(str(arguments.margin)),
             _SEARCH_RAYS,
             lambda fraction, text: progress.update(task, completed=fraction, description=text),
+            error,
         )
+
+
+def _axes_written(text: str) -> list[str]:
+    """The axes that have keys of their own: an alias has none."""
+    known = key_paths(text)
+    return [axis for axis in ("x", "y") if ("controller", "axes", axis, "natural_frequency_rad_s") in known]
 
 
 def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
@@ -163,6 +179,8 @@ def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
             path = ("controller", "axes", axis, key)
             if path in known:
                 changes[path] = value
+        if chosen.adaptation is not None and ("controller", "axes", axis, "lyapunov_q") in known:
+            changes["controller", "axes", axis, "lyapunov_q"] = f"[1, {chosen.adaptation.q2}]"
     if controller.bias is not None:
         rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {controller.bias.adaptation_rate.standard:g}}}"
         changes["controller", "bias", "adaptation_rate"] = rates
@@ -189,10 +207,14 @@ def _write(path: Path, text: str) -> None:
 
 
 def _limits(chosen: Design) -> str:
+    if chosen.limited_by == "noise":
+        return f"noise: {min(chosen.fastest_rad_s.values())} rad/s would be certified, and fly worse"
     return f"{chosen.limited_by} (axis {chosen.slowest}, {ANGLES[chosen.slowest]})"
 
 
-def _to_json(chosen: Design, template: Config, identification: Identification, out: Path) -> dict[str, object]:
+def _to_json(
+    chosen: Design, template: Config, identification: Identification, error: VelocityError | None, out: Path
+) -> dict[str, object]:
     return {
         "config": str(out),
         "certificate": str(certificate_path(out)),
@@ -202,6 +224,9 @@ def _to_json(chosen: Design, template: Config, identification: Identification, o
         "position_weight_bound": [float(end) for end in chosen.position_bound],
         "velocity_weight_bound": [float(end) for end in chosen.velocity_bound],
         "adaptation_rate": float(chosen.adaptation_rate),
+        "bias_adaptation_rate": float(chosen.bias_adaptation_rate),
+        "lyapunov_q": None if chosen.adaptation is None else [1.0, float(chosen.adaptation.q2)],
+        "velocity_error": None if error is None else error._asdict(),
         "fastest_natural_frequency_rad_s": {name: float(value) for name, value in chosen.fastest_rad_s.items()},
         "limited_by": chosen.limited_by,
         "limited_by_sampling": chosen.sampled,
@@ -222,10 +247,29 @@ def _in_words(fit: ModelFit) -> str:
     return f"{', '.join(words)} (fit {fit.fit:.4f})"
 
 
+def _estimator_rows(
+    adaptation: Adaptation | None, error: VelocityError | None, template: Config
+) -> Iterator[tuple[str, str]]:
+    """What was chosen for the estimator, and what that leaves."""
+    if error is None:
+        yield "estimator", "not known: give estimator.preset; Q is the template's"
+        return
+    source = "measured in the log" if template.estimator is None else "the template's estimator section"
+    yield "velocity error", f"{error.deviation_m_s:.2g} m/s for {error.time_s:.1f} s, {source}"
+    if adaptation is None:
+        yield "Q", "the template's: write lyapunov_q into its axes"
+        return
+    gusts_m, by_error_m = adaptation.displacement
+    yield "Q", f"[1, {adaptation.q2}], {adaptation.ratio_s:.2f} m for each m/s of velocity error"
+    yield "estimate corrected", "yes" if adaptation.correct else "no: nothing aids the position"
+    yield "moved by gusts / velocity error", f"{gusts_m:.3f} / {by_error_m:.3f} m RMS"
+
+
 def _show(
     chosen: Design,
     template: Config,
     identification: Identification,
+    error: VelocityError | None,
     arguments: Arguments,
     console: Console,
 ) -> None:
@@ -243,8 +287,11 @@ def _show(
     table.add_row("10 ms more of delay would cost", f"{chosen.cost_of_10_ms_rad_s:.2f} rad/s")
     table.add_row(
         f"adaptation rate at {template.tick.floor_hz:g} Hz",
-        f"{chosen.adaptation_rate}" + (", lowered for the sampling" if chosen.sampled else ""),
+        f"{chosen.adaptation_rate}, bias {chosen.bias_adaptation_rate}"
+        + (", limited by the tick" if chosen.sampled else ""),
     )
+    for row in _estimator_rows(chosen.adaptation, error, template):
+        table.add_row(*row)
     console.print(table)
     console.print(
         f"[bold green]Certified[/bold green]: {arguments.out}, {certificate_path(arguments.out)}", soft_wrap=True

@@ -14,6 +14,7 @@ from companion.config.attitude import AttitudeSection
 from companion.config.base import Id, Number, Positive, Section
 from companion.config.consistency import check_delay, check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
+from companion.config.estimator import EstimatorSection
 from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
@@ -80,6 +81,8 @@ class Config(Section):
     """The position controller."""
     attitude: AttitudeSection
     """The tuned attitude loop."""
+    estimator: EstimatorSection | None = None
+    """How wrong the estimate is, for `companion design`."""
     mission: MissionSection = MissionSection()
     """What to fly."""
     guards: Guards = Guards()

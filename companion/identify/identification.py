@@ -9,7 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
+from companion.config.estimator import VelocityError
 from companion.identify import clock
+from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
 from companion.identify.logs import read_log
 from companion.identify.manoeuvres import FLY, Manoeuvre, cut, find, select
@@ -78,6 +80,8 @@ class Identification(NamedTuple):
         Why another could not, one line each.
     gains
         Parameters of the attitude loop as logged, for comparing with the vehicle's later.
+    velocity_error
+        Of the estimator, where the logs tell.
     """
 
     paths: tuple[Path, ...]
@@ -86,6 +90,7 @@ class Identification(NamedTuple):
     axes: dict[str, AxisIdentification]
     refused: dict[str, str]
     gains: dict[str, float]
+    velocity_error: VelocityError | None
 
 
 def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
@@ -128,7 +133,8 @@ def identify(recordings: Sequence[Recording]) -> Identification:
         raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
     gains = {name: value for recording in recordings for name, value in recording.gains.items()}
     paths = tuple(recording.path for recording in recordings)
-    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains)
+    estimator = velocity_error(recordings)
+    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator)
 
 
 _Views = dict[Path, tuple[ClockMap, Recording | None]]

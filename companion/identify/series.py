@@ -42,6 +42,22 @@ class Track(NamedTuple):
     attitude_rad: Floats
 
 
+class Estimate(NamedTuple):
+    """What the estimator said of the horizontal state, in its own clock.
+
+    Attributes
+    ----------
+    time_s
+        Shape (n,), rising.
+    position_m, velocity_m_s
+        Shape (n, 2), north and east.
+    """
+
+    time_s: Floats
+    position_m: Floats
+    velocity_m_s: Floats
+
+
 class ClockMap(NamedTuple):
     """Our clock to the vehicle's by matched set-points: sent then, in force then. Knots, shape (k,) each."""
 
@@ -73,6 +89,8 @@ class Recording(NamedTuple):
         Our clock to the vehicle's, where the log carries the set-points that the vehicle had in force.
     gains
         Parameters of the attitude loop as logged.
+    estimate
+        None where the log does not have it.
     """
 
     path: Path
@@ -86,6 +104,7 @@ class Recording(NamedTuple):
     stamps_s: Floats
     applied: ClockMap | None
     gains: dict[str, float]
+    estimate: Estimate | None = None
 
 
 def angles(q_wxyz: npt.NDArray[Any]) -> Floats:

@@ -20,7 +20,18 @@ import numpy.typing as npt
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.identify import clock
-from companion.identify.series import OURS, Floats, LogError, Recording, Track, angles, intersect, ordered, spans
+from companion.identify.series import (
+    OURS,
+    Estimate,
+    Floats,
+    LogError,
+    Recording,
+    Track,
+    angles,
+    intersect,
+    ordered,
+    spans,
+)
 from companion.mavlink.codec import FrameParser, Layout
 from companion.mavlink.px4 import Mode
 
@@ -37,6 +48,7 @@ _FASTER: Final = 1.3
 
 _SETPOINT = Layout("SET_ATTITUDE_TARGET")
 _ODOMETRY = Layout("ODOMETRY")
+_FRAME, _CHILD_FRAME = _ODOMETRY.index("frame_id"), _ODOMETRY.index("child_frame_id")
 _QUATERNION = Layout("ATTITUDE_QUATERNION")
 _HEARTBEAT = Layout("HEARTBEAT")
 _CURRENT_MODE = Layout("CURRENT_MODE")
@@ -94,6 +106,7 @@ def read(path: Path, system_id: int | None = None) -> Recording:
         stamps_s,
         applied,
         {},
+        _estimate([row for row in rows["ODOMETRY"] if row[1] == vehicle]),
     )
 
 
@@ -164,6 +177,19 @@ def _attitude(rows: Rows, vehicle: int) -> tuple[list[Row], Layout, str, float]:
     if len(quaternion) > _FASTER * len(odometry):
         return quaternion, _QUATERNION, "time_boot_ms", 1e-3
     return odometry, _ODOMETRY, "time_usec", 1e-6
+
+
+def _estimate(odometry: list[Row]) -> Estimate | None:
+    """What ODOMETRY says of position and velocity where both are in local NED; None where it does not."""
+    local = [row for row in odometry if row[2][_FRAME] == row[2][_CHILD_FRAME] == mavlink.MAV_FRAME_LOCAL_NED]
+    if not local:
+        return None
+    every = np.arange(len(local))
+    time_s = _columns(local, every, _ODOMETRY, "time_usec")[:, 0] * 1e-6
+    keep = np.flatnonzero(np.diff(np.maximum.accumulate(time_s), prepend=-np.inf) > 0.0)
+    return Estimate(
+        time_s[keep], _columns(local, keep, _ODOMETRY, "x", "y"), _columns(local, keep, _ODOMETRY, "vx", "vy")
+    )
 
 
 def _times(path: Path, rows: list[Row], what: str) -> tuple[Floats, npt.NDArray[np.intp]]:

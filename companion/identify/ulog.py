@@ -1,7 +1,8 @@
 """PX4 ULog: what the vehicle logged about its own attitude loop, in its own clock.
 
 Source: https://docs.px4.io/main/en/dev_log/ulog_file_format and PX4 `msg/` (VehicleStatus, VehicleControlMode,
-OffboardControlMode, VehicleAttitudeSetpoint, VehicleAttitude, ControlAllocatorStatus, ActuatorMotors).
+OffboardControlMode, VehicleAttitudeSetpoint, VehicleAttitude, VehicleLocalPosition, ControlAllocatorStatus,
+ActuatorMotors).
 """
 
 from __future__ import annotations
@@ -15,7 +16,18 @@ from typing import Any, Final
 import numpy as np
 from pyulog import ULog
 
-from companion.identify.series import VEHICLE, Floats, LogError, Recording, Track, angles, intersect, ordered, spans
+from companion.identify.series import (
+    VEHICLE,
+    Estimate,
+    Floats,
+    LogError,
+    Recording,
+    Track,
+    angles,
+    intersect,
+    ordered,
+    spans,
+)
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 _HEADER_BYTES: Final = 16
@@ -31,6 +43,7 @@ TOPICS: Final = (
     "offboard_control_mode",
     "control_allocator_status",
     "actuator_motors",
+    "vehicle_local_position",
 )
 GAINS: Final = ("MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K")
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
@@ -67,7 +80,18 @@ def read(path: Path) -> Recording:
         time_s,
         None,
         {name: float(parameters[name]) for name in GAINS if name in parameters},
+        _estimate(path, log),
     )
+
+
+def _estimate(path: Path, log: ULog) -> Estimate | None:
+    """What the estimator said of position and velocity; None where it was not logged."""
+    local = _topic(log, "vehicle_local_position")
+    if local is None:
+        return None
+    time_s, keep = _times(path, local, "vehicle_local_position")
+    position, velocity = (np.stack([local[f] for f in pair], axis=1)[keep] for pair in (("x", "y"), ("vx", "vy")))
+    return Estimate(time_s, position.astype(np.float64), velocity.astype(np.float64))
 
 
 def _check_whole(path: Path, data: bytes) -> None:
