@@ -11,6 +11,7 @@ from typing import NamedTuple
 from companion.certify.from_config import certificate_path
 from companion.commands.options import ConfigFile, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
+from companion.config.identifying import as_flown, in_a_line
 from companion.flight.authority.states import ORDINARY, Reason
 from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
@@ -69,11 +70,12 @@ def parse(namespace: argparse.Namespace) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     """Fly a vehicle. Exit code 0 for an ordinary end, 1 for a fault or a failsafe, 2 when control never began."""
-    config = arguments.config.load()
+    config = as_flown(arguments.config.load())
     config_path = arguments.config.path
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
     certificate = arguments.certificate or certificate_path(config_path)
-    warning = uncovered(config, certificate, hedging=hedging)
+    identifying = config.mission.identification is not None
+    warning = None if identifying else uncovered(config, certificate, hedging=hedging)
     if warning is not None and not arguments.uncertified:
         raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:
@@ -87,7 +89,12 @@ def run(arguments: Arguments) -> int:
         tools = _tool_server(link, terminal)
         try:
             terminal.print_line(f"link {link.name}, log {folder}")
-            for name, lines in (("process", prepare_process(config.service)), ("unwatched", _unwatched(config))):
+            said = [in_a_line(config)] if identifying else []
+            for name, lines in (
+                ("identification", said),
+                ("process", prepare_process(config.service)),
+                ("unwatched", _unwatched(config)),
+            ):
                 for line in lines:
                     terminal.print_line(line)
                     recorder.add(EVENT, time.time_ns() // 1000, pack_event(name, line))

@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
+from companion.config.identifying import as_flown
 from companion.config.schema import Config
 from companion.control.types import Odometry
 from companion.flight.authority.states import Reason, State
@@ -58,7 +59,9 @@ class FlightProcess:
         wall: Wall | None = None,
         print_line: Callable[[str], None] = lambda _: None,
     ) -> None:
-        hedging = config.controller.hedging if hedging is None else hedging
+        config = as_flown(config)
+        identifying = config.mission.identification is not None
+        hedging = config.controller.hedging if hedging is None or identifying else hedging
         self._flight = flight = Session(
             config,
             link,

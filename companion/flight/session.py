@@ -62,8 +62,10 @@ class Session:
         self.pose, self.delay = self.link.pose, self.link.delay
         self.announce = Announcements(recorder, self.clock, self.link, print_line).announce
         self.pilot = Pilot(config, hedging=hedging)
-        # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters.
-        self.preflight = Preflight(config, self.pose, compare=not lockstep, uncertified=uncertified)
+        # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters; and nothing is
+        # certified of a response that is being identified.
+        compare = not lockstep and config.mission.identification is None
+        self.preflight = Preflight(config, self.pose, compare=compare, uncertified=uncertified)
         self.estimator = EstimatorHealth()
         self.watch = Watch(config, self.limits)
         forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}

@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 
 from companion.config import Config, ConfigError
+from companion.config.identifying import as_flown
 from companion.record.recorder import Recorder
 
 
@@ -42,7 +43,7 @@ def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bo
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        used = yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)
+        used = yaml.safe_dump(as_flown(config).model_dump(mode="json", exclude_none=True), sort_keys=False)
         (folder / "config.yaml").write_text(f"# as flown, from {config_path.name}\n{used}", encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error.strerror) from None

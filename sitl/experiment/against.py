@@ -91,9 +91,9 @@ class _Watch:
 
 
 def fly_against(config: Config, config_path: Path, folder: Path, controller: str) -> Compared:
-    """Fly the config's mission once, in lockstep. Raises `ConfigError`; `ValueError` without plant or duration."""
-    if config.mission.duration_s is None:
-        raise ValueError("a comparison needs mission.duration_s")
+    """Fly the config's mission once, in lockstep. Raises `ConfigError`; `ValueError` without plant or an end."""
+    if config.mission.duration_s is None and config.mission.identification is None:
+        raise ValueError("a comparison needs a mission that ends: duration_s, or identification")
     world = build_world(config)
     world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
     watch = _Watch(world)

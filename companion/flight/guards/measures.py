@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from companion.config.attitude import link_share_s
 from companion.config.base import Vector
 from companion.config.guards.rows import Reason
+from companion.config.identifying import LINK_DELAY_S
 from companion.config.schema import Config
 from companion.control import attitude
 from companion.control.position import PositionOutput
@@ -121,7 +122,12 @@ def least_rate_hz(config: Config) -> float:
 
 
 def longest_delay_s(config: Config) -> float:
-    """What the certified delay leaves to the link; without end where the certificate knows of no delay."""
+    """What the certified delay leaves to the link; without end where the certificate knows of no delay.
+
+    Where the response is being identified nothing is certified: what the loop then flown bears.
+    """
+    if config.mission.identification is not None:
+        return config.guards.link_delay_s.limit or LINK_DELAY_S
     return config.guards.link_delay_s.limit or link_share_s(config.attitude) or math.inf
 
 
