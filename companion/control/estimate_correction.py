@@ -63,6 +63,20 @@ def step(
     return CorrectionState(sample.x_m - tau_s * r_north, sample.y_m - tau_s * r_east), corrected
 
 
-def reseat(state: CorrectionState, jump: Jump) -> CorrectionState:
-    """The estimate jumped and the vehicle did not: r stays."""
-    return CorrectionState(state.north_m + jump.x_m, state.east_m + jump.y_m)
+def reseat(params: CorrectionParams, state: CorrectionState, jump: Jump) -> tuple[CorrectionState, Jump]:
+    """(state, what the corrected estimate does) where the estimate jumped and the vehicle did not.
+
+    A reset of position leaves r as it is. One of velocity changes it at once by as much the other way: the position
+    goes on as it did, so what it says of the velocity does too. What the limit cuts of that is eased in by the filter.
+    """
+    tau_s, k_p, k_v, _ = params
+    corrected = jump._replace(
+        x_m=jump.x_m - k_p * jump.vx_m_s,
+        y_m=jump.y_m - k_p * jump.vy_m_s,
+        vx_m_s=(1.0 - k_v) * jump.vx_m_s,
+        vy_m_s=(1.0 - k_v) * jump.vy_m_s,
+    )
+    moved = CorrectionState(
+        state.north_m + jump.x_m + tau_s * jump.vx_m_s, state.east_m + jump.y_m + tau_s * jump.vy_m_s
+    )
+    return moved, corrected

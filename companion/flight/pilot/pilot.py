@@ -17,7 +17,7 @@ from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
-_TRIM_S: Final = 1.0  # over which it is averaged
+_TRIM_S: Final = 2.0  # over which it is averaged
 
 
 class Pilot:
@@ -87,9 +87,9 @@ class Pilot:
         where it is and attitude and thrust do not step; what a velocity or a heading changes is washed out in a second.
         """
         assert self._control is not None  # take_over comes first
+        if self._correction_params is not None and self._correction is not None:
+            self._correction, jump = estimate_correction.reseat(self._correction_params, self._correction, jump)
         self._control = position.reseat(self._control, jump)
-        if self._correction is not None:
-            self._correction = estimate_correction.reseat(self._correction, jump)
         self.origin, self.target = _moved(self.origin, jump), _moved(self.target, jump)
 
     def step(self, sample: Odometry, dt_s: float) -> AttitudeSetpoint:

@@ -56,9 +56,21 @@ def test_a_velocity_that_the_position_does_not_have_is_taken_off() -> None:
 def test_a_jump_of_the_estimate_is_no_disagreement() -> None:
     state = start(sample(0.0, 0.0, 0.0))
     jump = Jump(1.5, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0)
-    _, corrected = step(PX4, reseat(state, jump), sample(0.004, 1.5, 0.0, -0.5), 0.004)
+    state, seen = reseat(PX4, state, jump)
+    _, corrected = step(PX4, state, sample(0.004, 1.5, 0.0, -0.5), 0.004)
+    assert seen == jump
     assert corrected.x_m == pytest.approx(1.5)
     assert corrected.y_m == pytest.approx(-0.5)
+
+
+def test_a_reset_of_velocity_does_what_it_is_said_to_do() -> None:
+    """The position goes on as before, so does the corrected velocity; and what it does is told, so that none steps."""
+    state = start(sample(0.0, 0.0, 0.0))
+    state, seen = reseat(PX4, state, Jump(0.1, 0.0, 0.0, 0.4, -0.3, 0.0, 0.0))
+    _, corrected = step(PX4, state, sample(0.001, 0.1, 0.4, 0.0, -0.3), 0.001)
+    assert (corrected.vx_m_s, corrected.vy_m_s) == pytest.approx((seen.vx_m_s, seen.vy_m_s), abs=1e-6)
+    assert (corrected.x_m, corrected.y_m) == pytest.approx((seen.x_m, seen.y_m), abs=1e-6)
+    assert seen.vx_m_s == 0.0
 
 
 def test_gains_of_zero_change_nothing() -> None:
