@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from companion.flight.authority.states import Reason, State
+from companion.flight.guards.settling import PATIENCE_S
 from companion.flight.host.runtime import Status
 from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
@@ -34,6 +35,7 @@ class Housekeeping:
         self._notifier = notifier
         self._engagement = engagement
         self._rival_told = False
+        self._unsettled_since_s: float | None = None
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
         self.due_s = 0.0
@@ -154,9 +156,19 @@ class Housekeeping:
         refused = flight.preflight.refused()
         if refused is not None:
             flight.refuse(Reason.CERTIFICATE_STALE, refused)
+        if flight.preflight.passed and not flight.settling.settled:
+            self._wait_for_estimate()
         failed = flight.preflight.failed(flight.clock.now_s)
         if failed is not None:
             flight.refuse(Reason.RATE_TOO_LOW, failed)
+
+    def _wait_for_estimate(self) -> None:
+        flight, now_s = self._flight, self._flight.clock.now_s
+        if self._unsettled_since_s is None:
+            self._unsettled_since_s = now_s
+            flight.announce("settling", "waiting for the estimate to settle", To.LOG | To.PERSON)
+        elif now_s - self._unsettled_since_s > PATIENCE_S:
+            flight.refuse(Reason.NOT_SETTLED)
 
     def _engage(self, engagement: Engagement) -> None:
         flight, sample = self._flight, self._flight.sample
@@ -166,7 +178,13 @@ class Housekeeping:
             return
         if sample is None:
             return
-        seen = Seen(flight.link.mode, flight.link.armed, flight.speed_m_s, flight.ground_z_m - sample.z_m)
+        seen = Seen(
+            flight.link.mode,
+            flight.link.armed,
+            flight.speed_m_s,
+            flight.ground_z_m - sample.z_m,
+            flight.settling.settled,
+        )
         request, failed = engagement.advance(flight.clock.now_s, seen)
         if request is not None:
             flight.link.request(request)

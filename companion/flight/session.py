@@ -14,6 +14,7 @@ from companion.flight.guards import table as guards
 from companion.flight.guards.blindness import Blindness
 from companion.flight.guards.freshness import Freshness
 from companion.flight.guards.measures import Told
+from companion.flight.guards.settling import Settling
 from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
@@ -67,6 +68,7 @@ class Session:
         compare = not lockstep and config.mission.identification is None
         self.preflight = Preflight(config, self.pose, compare=compare, uncertified=uncertified)
         self.estimator = EstimatorHealth()
+        self.settling = Settling(config)
         self.watch = Watch(config, self.limits)
         forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}
         self.blindness = Blindness(config, self.limits, forget)

@@ -54,6 +54,7 @@ class Ticks:
                 self._stop_for(Reason.CLOCK_JUMP)
                 return
             flight.preflight.restart()
+            flight.settling.restart()
             flight.delay.restart()
             dt = 0.0
         elif dt <= 0.0 and last is not None:
@@ -66,12 +67,15 @@ class Ticks:
         flight.sample = sample
         if self._pose.reset_counter != self._resets:
             self._resets = self._pose.reset_counter
+            flight.settling.restart()
             if engaged and last is not None:
                 self._changes.reseat(last, sample)
                 engaged = flight.state is _ENGAGED
         if engaged:
             self._fly(sample, dt)
         else:
+            if flight.state is not _RELEASED:
+                flight.settling.on_sample(sample, flight.estimator.missing)
             if flight.state is _CHECKING:
                 flight.preflight.on_sample(sample.time_s)
             if (flight.state is _STANDBY and not flight.hands_off) or (

@@ -116,7 +116,7 @@ class Changes:
             fault = flight.freshness.stale(flight.clock.now_s)
         return Known(
             link.connected,
-            flight.preflight.passed and flight.hands_off is not None,
+            flight.preflight.passed and flight.settling.settled and flight.hands_off is not None,
             link.mode == Mode.OFFBOARD,
             link.armed,
             fault,

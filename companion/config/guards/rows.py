@@ -160,6 +160,11 @@ class Reason(ReasonRow):
         "rate_too_low", Group.NEVER_BEGAN,
         "odometry arrives below tick.floor_hz", "baud rate, `MAV_1_RATE`, other streams on the line",
     )
+    NOT_SETTLED = (
+        "not_settled", Group.NEVER_BEGAN,
+        "the estimate did not settle: position slid by more than guards.estimate_settled_m, or a solution is missing",
+        "GPS, flow, motion capture: wait outside, away from walls",
+    )
     CERTIFICATE_STALE = (
         "certificate_stale", Group.NEVER_BEGAN,
         "the vehicle's gains are not those its attitude response was identified with",
@@ -202,6 +207,15 @@ class Guards(Section):
     tick_overrun_s: Annotated[
         EventGuardSection, Row(Reason.TICK_OVERRUN, "s"), Field(description="one tick of the companion")
     ] = EventGuardSection(limit=0.2)
+
+    estimate_settled_m: Annotated[
+        GuardSection,
+        Row(Reason.NOT_SETTLED, "m"),
+        Field(
+            description="before control begins: how far position may slide against velocity, leaking with 0.5 s; the "
+            "timeout must have passed without it, and is waited for a minute"
+        ),
+    ] = GuardSection(limit=0.3, timeout_s=2.0)
 
     # 50 times a second, after the set-point has gone
     position_variance_m2: Annotated[

@@ -25,6 +25,7 @@ class Seen(NamedTuple):
     armed: bool
     speed_m_s: float
     climbed_m: float
+    settled: bool = True  # the estimate
 
 
 class Step(NamedTuple):
@@ -63,7 +64,12 @@ def plan(*, can_fly: bool) -> list[Step]:
         "hover",
         None,
         None,
-        lambda seen: seen.mode == Mode.HOLD and seen.climbed_m > _HOVER_CLIMB_M and seen.speed_m_s < _HOVER_SPEED_M_S,
+        lambda seen: (
+            seen.mode == Mode.HOLD
+            and seen.climbed_m > _HOVER_CLIMB_M
+            and seen.speed_m_s < _HOVER_SPEED_M_S
+            and seen.settled
+        ),
         40.0,
         frozenset({Mode.TAKEOFF, Mode.HOLD}),
         None,

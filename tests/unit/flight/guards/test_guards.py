@@ -20,6 +20,7 @@ from companion.flight.guards.table import CLEAR, WATCHED, Limits, WatchLimits
 ROOT = Path(__file__).resolve().parents[4]
 RIG = ROOT / "config" / "antx_rig.yaml"
 # Compared where it happens: these have no measure.
+BEFORE = {Reason.NOT_SETTLED}  # looked at before control begins alone
 AGES = {Reason.POSE_STALE, Reason.HEARTBEAT_LOST}
 EVENTS = {Reason.CLOCK_JUMP, Reason.ESTIMATOR_JUMP, Reason.TICK_OVERRUN}
 UNITS = ("deg", "hz", "m", "m2", "s")
@@ -54,9 +55,9 @@ def test_every_guard_of_the_schema_has_its_row_and_its_description() -> None:
 
 
 def test_every_guard_is_measured_or_stands_where_it_happens() -> None:
-    assert set(GUARDS) == set(WATCHED) | AGES | EVENTS
+    assert set(GUARDS) == set(WATCHED) | AGES | EVENTS | BEFORE
     assert len(WATCHED) == len(CLEAR)
-    assert not set(WATCHED) & (AGES | EVENTS)
+    assert not set(WATCHED) & (AGES | EVENTS | BEFORE)
     assert set(MEASURES) <= set(GUARDS)
     for reason in EVENTS:
         assert isinstance(getattr(Guards(), GUARDS[reason].key), EventGuardSection)
