@@ -10,8 +10,9 @@ import numpy as np
 
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
+from companion.certify.piecewise.hold import TooSlowError
 from companion.certify.piecewise.sector_proof import SectorProof, sector_proof_json
-from companion.certify.piecewise.sector_solver import prove_by_sectors
+from companion.certify.piecewise.sector_search import prove_by_sectors
 from companion.certify.piecewise.sectors import Channel, delayed
 from companion.certify.polynomial.lyapunov import Candidate, Floats, coordinates, rescale, solve
 from companion.certify.problem import Problem
@@ -83,11 +84,12 @@ def rounded(candidate: Candidate, degree: int, scaling: Scaling, bits: int) -> P
 
 
 def prove_channel(channel: Channel, frequency_rad_s: float, max_degree: int, max_rays: int) -> AnyProof | None:
-    """The first proof that holds: by degree up to `max_degree` where there is no delay, then by `RAYS`.
+    """The first proof that holds: by degree up to `max_degree` without delay and hold, then by `RAYS`.
 
     Several axes at once, with the yaw free, have no sectors.
     """
-    if not delayed(channel):
+    plain = not delayed(channel) and not channel.held
+    if plain:
         vertices = channel_vertices(channel)
         scaling = Scaling(vertices)
         for degree in range(2, max_degree + 1, 2):
@@ -95,7 +97,7 @@ def prove_channel(channel: Channel, frequency_rad_s: float, max_degree: int, max
             if proof is not None:
                 return proof
     for count in RAYS if len(channel.corners[0]) == 4 else RAYS[:1]:
-        if count <= max_rays and (count or delayed(channel)):
+        if count <= max_rays and (count or not plain):
             by_sectors = prove_by_sectors(channel, count, frequency_rad_s)
             if by_sectors is not None:
                 return by_sectors
@@ -107,7 +109,11 @@ def certify(problem: Problem, max_degree: int = 2, max_rays: int = RAYS[-1]) -> 
     proofs: dict[str, AnyProof] = {}
     known: dict[Channel, AnyProof | None] = {}
     frequency = float(max(axis.natural_frequency_rad_s for axis in problem.axes.values()))
-    for name, channel in channels(problem).items():
+    try:
+        wanted = channels(problem)
+    except TooSlowError:
+        return None
+    for name, channel in wanted.items():
         if channel not in known:  # identical axes are proven once
             known[channel] = prove_channel(channel, frequency, max_degree, max_rays)
         proof = known[channel]

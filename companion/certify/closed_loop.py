@@ -16,6 +16,7 @@ from fractions import Fraction
 from companion.attitude_response.exact import ends
 from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
 from companion.attitude_response.response import corners
+from companion.certify.piecewise.hold import Reference, held
 from companion.certify.piecewise.sectors import Channel, Loop
 from companion.certify.problem import AxisProblem
 
@@ -75,8 +76,20 @@ def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSp
     )
 
 
-def axis_channel(problem: AxisProblem) -> Channel:
-    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response."""
+def axis_channel(problem: AxisProblem, tick_s: Fraction = ZERO) -> Channel:
+    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response.
+
+    `tick_s`: the longest tick over which its command is held, zero for none. Raises `ValueError` where it is too slow,
+    or where the kind of response does not allow for one (`hold`).
+    """
+    if tick_s:
+        stiffness, damping, g = _reference(problem)
+        ends_ = [
+            (Fraction(low), Fraction(high))
+            for low, high in zip(problem.weights_lower, problem.weights_upper, strict=True)
+        ]
+        reference = Reference(stiffness, damping, g, (ends_[0], ends_[1]))
+        return held(reference, problem.response.dynamics.corners(), tuple(ends(problem.response.delay_s)), tick_s)
     corners_ = tuple(
         tuple(_loop(_closed_loop(problem, weights, actuator), 1) for weights in _all_weights(problem))
         for actuator in problem.response.dynamics.corners()

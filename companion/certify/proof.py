@@ -18,6 +18,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
+from companion.attitude_response.kind import ParametricKind
 from companion.attitude_response.realisation import Matrix
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
@@ -32,7 +33,7 @@ from companion.certify.problem import Problem
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import digest, problem_of
 
-SCHEMA = 1
+SCHEMA = 2  # 1 took the loop as continuous in time
 MAX_DEGREE = 16
 MAX_FILE_BYTES = 4_000_000
 MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
@@ -124,7 +125,9 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
     if not isinstance(certificate, Mapping) or set(certificate) != KEYS:
         return Verdict(False, "certificate is malformed: not the keys of a certificate")
     if certificate["schema"] != SCHEMA or isinstance(certificate["schema"], bool):
-        return Verdict(False, f"certificate schema {certificate['schema']} is not {SCHEMA}")
+        return Verdict(
+            False, f"certificate schema {certificate['schema']} is not {SCHEMA}: run `companion check` again"
+        )
     if certificate["sha256"] != digest({key: value for key, value in certificate.items() if key != "sha256"}):
         return Verdict(False, "certificate was changed: its digest does not match")
     if certificate["problem_sha256"] != digest(certificate["problem"]):
@@ -165,15 +168,19 @@ def _checked(stated: object, channel: Channel) -> tuple[str, str]:
     proof = _proof_of(stated)
     if delayed(channel):
         return "", "it takes the delay as an approximant, which is no delay: run `companion check` again"
+    if channel.held:
+        return "", "it takes the loop as continuous, without its tick: run `companion check` again"
     return f"degree {proof.degree}", check(proof, channel_vertices(channel))
 
 
 def described(rays: int, channel: Channel) -> str:
     """A proof by sectors in words."""
     by = f"{rays} sectors" if rays else "a quadratic function"
+    if channel.held:
+        by += f", for ticks of at most {float(1000 * channel.tick_s):g} ms"
     if not delayed(channel):
         return by
-    return f"{by} for every constant delay of {_milliseconds(channel.delays_s)} ms"
+    return f"{by}{' and' if channel.held else ' for'} every constant delay of {_milliseconds(channel.delays_s)} ms"
 
 
 def _milliseconds(ends: tuple[Fraction, ...]) -> str:
@@ -181,11 +188,26 @@ def _milliseconds(ends: tuple[Fraction, ...]) -> str:
 
 
 def channels(problem: Problem) -> dict[str, Channel]:
-    """Everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free."""
+    """Everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free.
+
+    An axis is held over its slowest tick where the problem states one; both together are not.
+
+    Raises
+    ------
+    TooSlowError
+        If nothing can be said of a loop that is held for so long.
+    """
     if problem.yaw_free:
         x, y = problem.axes.values()
         return {JOINT: joint_channel(x, y)}
-    return {name: axis_channel(axis) for name, axis in problem.axes.items()}
+    return {name: axis_channel(axis, longest_tick_s(problem, name)) for name, axis in problem.axes.items()}
+
+
+def longest_tick_s(problem: Problem, axis: str) -> Fraction:
+    """The longest tick of an axis in s; zero where the problem states none, or where it is not proven."""
+    sampling = problem.sampling.get(axis)
+    known = isinstance(problem.axes[axis].response.dynamics, ParametricKind)
+    return Fraction(0) if sampling is None or problem.yaw_free or not known else 1 / Fraction(sampling.tick_rate_hz)
 
 
 def channel_vertices(channel: Channel) -> list[Matrix]:

@@ -167,6 +167,8 @@ def _plot(stated: Problem, path: Path, console: Console) -> None:
 
 
 def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
+    from companion.certify.assess import slowest_ticks_hz  # noqa: PLC0415
+
     table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(justify="right")
@@ -180,7 +182,7 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
             value = float(certified.value)
             best = value if best is None else min(best, value)
             enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
-            table.add_row(f"needed, by {method}", f"{value:.3f} rad/s  {enough}")
+            table.add_row(f"needed in continuous time, by {method}", f"{value:.3f} rad/s  {enough}")
     if axis.unstable_below is not None:
         found = "proven unstable below" if not axis.delay_s else "unstable below, by an approximant of the delay"
         table.add_row(found, f"{float(axis.unstable_below[0]):.3f} rad/s")
@@ -188,6 +190,10 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
         table.add_row("margin", f"{100.0 * (tuned / best - 1.0):+.1f} %")
     limit = "none" if axis.maximum_delay is None else f"{1e3 * float(axis.maximum_delay.value):.1f} ms"
     table.add_row("delay, as configured / certified up to", f"{1e3 * float(axis.delay_s):.1f} ms / {limit}")
+    ticks = slowest_ticks_hz(assessment)
+    if assessment.certificate is not None:
+        told = f"{ticks[name]:g} Hz or faster" if ticks and name in ticks else "not proven"
+        table.add_row("tick, certified at", told)
     if name in assessment.adaptation_rates:
         rate, largest = assessment.adaptation_rates[name]
         enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"
