@@ -155,7 +155,7 @@ def largest_delay(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction 
         delay = Decimal(value).quantize(DELAY_PLACES, ROUND_FLOOR)
         return delay, with_delay(problem, delay)
 
-    return _largest(at, counts, 0.0, 0.99 * period, tick_s)
+    return _largest(at, counts, 0.0, (0.0, 0.99 * period), tick_s)
 
 
 def fastest_reference(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction = ZERO) -> Certified | None:
@@ -171,7 +171,7 @@ def fastest_reference(problem: AxisProblem, counts: Sequence[int], tick_s: Fract
         frequency = Decimal(value).quantize(PLACES, ROUND_FLOOR)
         return frequency, with_natural_frequency(problem, frequency)
 
-    return _largest(at, counts, 0.01 * configured, limit, tick_s)
+    return _largest(at, counts, configured, (0.01 * configured, limit), tick_s)
 
 
 def _found(value: Decimal, problem: AxisProblem, count: int, tick_s: Fraction, active: Active) -> Found | None:
@@ -225,27 +225,28 @@ def _boundary(attempt: Attempt, start: float, above: float) -> list[Found]:
 def _largest(
     at: Callable[[float], tuple[Decimal, AxisProblem]],
     counts: Sequence[int],
-    low: float,
-    high: float,
+    start: float,
+    limits: tuple[float, float],
     tick_s: Fraction,
 ) -> Certified | None:
-    """The largest value between `low` and `high` that is proven by one of the counts."""
+    """The largest value within the limits that is proven by one of the counts; the search begins at `start`."""
+    low, high = limits
     found: list[Found] = []
     for count in counts:
         attempt = _attempt(at, count, ZERO)
-        found += _rise(attempt, float(found[-1].value) if found else low, high, known=bool(found))
+        found += _rise(attempt, float(found[-1].value), high) if found else _first(attempt, start, low, high)
     if not found or not tick_s:
         return _certified(found)
     # With the hold a little less is left: from there down in growing steps, then between the last two.
     attempt, top = _attempt(at, counts[-1], tick_s), float(found[-1].value)
     share = _HOLD_SHARE
-    while (lower := attempt(max(top * (1 - share), low))) is None:
-        if top * (1 - share) <= low:
-            return None
-        share *= 3
-    held = [lower]
-    bottom, top = float(lower.value), top if share == _HOLD_SHARE else top * (1 - share / 3)
-    return _certified(held + _between(attempt, bottom, top, HELD_TOLERANCE))
+    while top > low:
+        bottom = max(top * (1 - share), low)
+        lower = attempt(bottom)
+        if lower is not None:
+            return _certified([lower, *_between(attempt, bottom, top, HELD_TOLERANCE)])
+        top, share = bottom, min(2 * share, 0.5)
+    return None
 
 
 def _attempt(at: Callable[[float], tuple[Decimal, AxisProblem]], count: int, tick_s: Fraction) -> Attempt:
@@ -258,14 +259,19 @@ def _attempt(at: Callable[[float], tuple[Decimal, AxisProblem]], count: int, tic
     return attempt
 
 
-def _rise(attempt: Attempt, low: float, high: float, *, known: bool) -> list[Found]:
-    """Rising values that succeed between `low`, which is `known` to or tried first, and `high`."""
-    good: list[Found] = []
-    if not known:
-        first = attempt(low)
-        if first is None:
+def _first(attempt: Attempt, start: float, low: float, high: float) -> list[Found]:
+    """Rising values that succeed, from `start` up or, where that does not, below it."""
+    value, top = start, high
+    while (first := attempt(value)) is None:
+        if value <= low:
             return []
-        good.append(first)
+        value, top = max(0.7 * value, low), value
+    return [first, *(_rise(attempt, value, high) if value == start else _between(attempt, value, top))]
+
+
+def _rise(attempt: Attempt, low: float, high: float) -> list[Found]:
+    """Rising values that succeed between `low`, which does, and `high`."""
+    good: list[Found] = []
     step = max(0.1 * low, 0.01 * high)
     while low + step < high and (better := attempt(low + step)) is not None:
         good.append(better)

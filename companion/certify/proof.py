@@ -18,8 +18,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.attitude_response.kind import ParametricKind
 from companion.attitude_response.realisation import Matrix
+from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
 from companion.certify.exact.elimination import positive_definite
@@ -204,10 +204,13 @@ def channels(problem: Problem) -> dict[str, Channel]:
 
 
 def longest_tick_s(problem: Problem, axis: str) -> Fraction:
-    """The longest tick of an axis in s; zero where the problem states none, or where it is not proven."""
-    sampling = problem.sampling.get(axis)
-    known = isinstance(problem.axes[axis].response.dynamics, ParametricKind)
-    return Fraction(0) if sampling is None or problem.yaw_free or not known else 1 / Fraction(sampling.tick_rate_hz)
+    """The longest tick of an axis in s; zero where the problem states none, or where it is not proven.
+
+    It is not for a turning yaw, and not for a transfer function of first order, whose slope is no affine function of it.
+    """
+    sampling, dynamics = problem.sampling.get(axis), problem.axes[axis].response.dynamics
+    bent = isinstance(dynamics, TransferFunction) and len(dynamics.denominator) == 2
+    return Fraction(0) if sampling is None or problem.yaw_free or bent else 1 / Fraction(sampling.tick_rate_hz)
 
 
 def channel_vertices(channel: Channel) -> list[Matrix]:

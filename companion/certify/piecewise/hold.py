@@ -153,6 +153,7 @@ class _Gains:
         else:
             turns = [
                 sum(max(abs(r.c[i]) for r in responses) * max(abs(r.a[i][j]) for r in responses) for i in range(order))
+                + ZERO
                 for j in range(order)
             ]
             e = _sum(*((turns[j], _row(3 + order, {3 + j: ONE})) for j in range(order)))
