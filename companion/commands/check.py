@@ -15,13 +15,14 @@ from rich.table import Table
 
 from companion.certify import proof
 from companion.certify.from_config import problem
-from companion.certify.problem import Problem
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
 from companion.commands.options import ConfigFile, add_config, add_json, config_file
 from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
     from companion.certify.assess import Assessment, AxisAssessment
+    from companion.certify.second_opinion import Opinions
 
 ANGLES = {"x": "pitch", "y": "roll"}
 
@@ -37,13 +38,20 @@ class Arguments(NamedTuple):
     out: Path | None
     verify: Path | None
     plot: Path | None
+    second_opinion: bool
     json: bool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion check`."""
     add_config(parser)
-    parser.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")
+    effort = parser.add_mutually_exclusive_group()
+    effort.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")
+    effort.add_argument(
+        "--second-opinion",
+        action="store_true",
+        help="also the needed bandwidth by cvxpy and SCS, as the paper states it, without delay",
+    )
     parser.add_argument(
         "--sectors",
         type=int,
@@ -74,6 +82,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.out,
         namespace.verify,
         namespace.plot,
+        namespace.second_opinion,
         namespace.json,
     )
 
@@ -99,10 +108,12 @@ def run(arguments: Arguments) -> int:
         assessment = _assess(stated, assessment, arguments, console)
     if arguments.plot is not None:
         _plot(stated, arguments.plot, console)
+    opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
     if arguments.json:
-        print(json.dumps(to_json(assessment)))
+        told = {"second_opinion": {name: opinion._asdict() for name, opinion in opinions.items()}} if opinions else {}
+        print(json.dumps(to_json(assessment) | told))
     for name, axis in assessment.axes.items():
-        console.print(_table(name, axis, assessment))
+        console.print(_table(name, axis, assessment, opinions.get(name)))
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1
@@ -123,6 +134,17 @@ def _assess(stated: Problem, known: Assessment, arguments: Arguments, console: C
             arguments.sectors,
             known,
         )
+
+
+def _second_opinions(stated: Problem, console: Console) -> dict[str, Opinions]:
+    from companion.certify.second_opinion import second_opinion  # noqa: PLC0415
+
+    known: dict[AxisProblem, Opinions] = {}
+    with console.status("second opinion"):
+        for axis in stated.axes.values():
+            if axis not in known:  # identical axes are asked about once
+                known[axis] = second_opinion(axis)
+    return {name: known[axis] for name, axis in stated.axes.items()}
 
 
 def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
@@ -166,7 +188,7 @@ def _plot(stated: Problem, path: Path, console: Console) -> None:
         raise ConfigError(f"{path}: cannot write the picture: {error}") from None
 
 
-def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
+def _table(name: str, axis: AxisAssessment, assessment: Assessment, opinions: Opinions | None) -> Table:
     table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(justify="right")
@@ -181,6 +203,9 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
             best = value if best is None else min(best, value)
             enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
             table.add_row(f"needed, by {method}", f"{value:.3f} rad/s  {enough}")
+    if opinions is not None:
+        both = " / ".join("none" if b is None else f"{b:.3f}" for b in (opinions.ours_rad_s, opinions.theirs_rad_s))
+        table.add_row(f"quadratic without delay, ours / {opinions.solver}", f"{both} rad/s")
     if axis.unstable_below is not None:
         found = "proven unstable below" if not axis.delay_s else "unstable below, by an approximant of the delay"
         table.add_row(found, f"{float(axis.unstable_below[0]):.3f} rad/s")

@@ -58,6 +58,19 @@ def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path
     assert companion("check", RIG, "--verify", out).returncode == 0
 
 
+@pytest.mark.slow
+def test_a_second_opinion_stands_beside_ours() -> None:
+    ended = companion("check", RIG, "--second-opinion", "--json")
+    assert ended.returncode == 0, ended.stderr
+    told = json.loads(ended.stdout)["second_opinion"]["x"]
+    assert told["ours_rad_s"] == pytest.approx(2.904, rel=1e-3)
+    assert told["theirs_rad_s"] == pytest.approx(2.904, rel=1e-3)
+    assert (told["solver"], told["delay_left_out"]) == ("SCS", False)
+    assert "quadratic without delay, ours / SCS" in ended.stderr
+    both = companion("check", RIG, "--quick", "--second-opinion")
+    assert (both.returncode, "not allowed with" in both.stderr) == (2, True)
+
+
 def test_not_certified_is_exit_code_1_and_leaves_no_stale_certificate(tmp_path: Path) -> None:
     stale = tmp_path / "certificate.json"
     stale.write_text("{}")
