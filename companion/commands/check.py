@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -99,13 +100,15 @@ def run(arguments: Arguments) -> int:
     console = Console(stderr=arguments.json)
     assessment = verdict_of(stated, arguments.degree, arguments.sectors)
     if arguments.out is not None:
-        _write(assessment, arguments.out)
+        _write(assessment.certificate if assessment.certified else None, arguments.out)
     if assessment.certified:
         console.print(verdict(assessment))
         if arguments.out is not None:
             console.print(f"certificate: {arguments.out}")
     if not arguments.quick:
         assessment = _assess(stated, assessment, arguments, console)
+    if arguments.out is not None and assessment.certified:
+        _write_for_a_link(stated, assessment, arguments, console)
     if arguments.plot is not None:
         _plot(stated, arguments.plot, console)
     opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
@@ -160,15 +163,38 @@ def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
     return 0 if answer.ok else 1
 
 
-def _write(assessment: Assessment, path: Path) -> None:
+def _write(certificate: Mapping[str, object] | None, path: Path) -> None:
     """The certificate, to `path`; nothing is written where there is none, and no stale one is left."""
     try:
-        if assessment.certified:
-            path.write_text(json.dumps(assessment.certificate, indent=1) + "\n", encoding="utf-8")
+        if certificate is not None:
+            path.write_text(json.dumps(certificate, indent=1) + "\n", encoding="utf-8")
         else:
             path.unlink(missing_ok=True)
     except OSError as error:
         raise ConfigError(f"{path}: cannot write the certificate: {error.strerror}") from None
+
+
+def _write_for_a_link(stated: Problem, assessment: Assessment, arguments: Arguments, console: Console) -> None:
+    """Where the config has no delay, the certificate of one that a link may have, in place of that of none."""
+    from companion.certify.certificate import certify_for_a_link, without_delay  # noqa: PLC0415
+
+    axes = without_delay(stated)
+    if not axes or arguments.out is None:
+        return
+    if arguments.quick:
+        console.print("It covers no delay of a link: `companion run` wants the certificate written without --quick.")
+        return
+    largest = {name: each.value for name in axes if (each := assessment.axes[name].maximum_delay) is not None}
+    with console.status("delay of the link"):
+        found = certify_for_a_link(stated, largest, arguments.sectors)
+    if found is None:
+        console.print("It covers no delay of a link, and none can be certified: `companion run` will not take it.")
+        return
+    certificate, upper_s = found
+    _write(certificate, arguments.out)
+    console.print(
+        f"It covers every constant delay of the link up to {1e3 * float(upper_s):g} ms, which flight watches."
+    )
 
 
 def _plot(stated: Problem, path: Path, console: Console) -> None:

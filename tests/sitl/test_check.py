@@ -138,6 +138,17 @@ def test_run_refuses_what_no_certificate_covers(tmp_path: Path) -> None:
     assert "no heartbeat of vehicle" in refused("run", config, *NOBODY, cwd=tmp_path)  # covered: it got as far as that
 
 
+def test_a_certificate_written_in_haste_covers_no_link(tmp_path: Path) -> None:
+    config, own = tmp_path / "mine.yaml", tmp_path / "mine.certificate.json"
+    config.write_text(RIG.read_text())
+    ended = companion("check", config, "--quick", "--out", own)
+    assert "`companion run` wants the certificate written without --quick" in " ".join(ended.stdout.split())
+    assert "it covers no delay, and every link has one: run `companion check" in refused("run", config, *NOBODY)
+    ended = companion("check", config, "--sectors", "8", "--out", own)
+    assert "It covers every constant delay of the link up to 2" in " ".join(ended.stdout.split())
+    assert "no heartbeat of vehicle" in refused("run", config, *NOBODY, cwd=tmp_path)
+
+
 def test_run_imports_no_solver(tmp_path: Path) -> None:
     code = (
         "import sys; from companion.cli import main\n"
