@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify
     from companion.certify.assess import Assessment, AxisAssessment
     from companion.certify.second_opinion import Opinions
 
+PICTURES = (".png", ".svg", ".pdf")
 ANGLES = {"x": "pitch", "y": "roll"}
 
 
@@ -93,6 +94,7 @@ def run(arguments: Arguments) -> int:
     stated = problem(arguments.config.load())
     if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    _refuse_what_does_not_go_together(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, stated, as_json=arguments.json)
     from companion.certify.assess import to_json, verdict_of  # noqa: PLC0415
@@ -120,6 +122,25 @@ def run(arguments: Arguments) -> int:
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1
+
+
+def _refuse_what_does_not_go_together(arguments: Arguments) -> None:
+    """At once, and not after half a minute of work. Raises `ConfigError`."""
+    further = {
+        "--out": arguments.out,
+        "--plot": arguments.plot,
+        "--all-degrees": arguments.all_degrees,
+        "--second-opinion": arguments.second_opinion,
+    }
+    if arguments.verify is not None and (given := [option for option, value in further.items() if value]):
+        raise ConfigError(f"--verify: it only verifies, leave out {' and '.join(given)}")
+    if arguments.quick and arguments.all_degrees:
+        raise ConfigError("--quick: it is the verdict alone, leave out --all-degrees")
+    path = arguments.plot
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise ConfigError(f"{path}: cannot write the picture: call it FILE{', FILE'.join(PICTURES)}")
+    if path is not None and not path.parent.is_dir():
+        raise ConfigError(f"{path}: cannot write the picture: no such folder")
 
 
 def _assess(stated: Problem, known: Assessment, arguments: Arguments, console: Console) -> Assessment:

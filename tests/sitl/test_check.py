@@ -109,6 +109,10 @@ def test_degenerate_input_is_one_line(override: str, reason: str) -> None:
 def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
     assert "must be even" in refused("check", RIG, "--degree", "3")
     assert "cannot read certificate" in refused("check", RIG, "--verify", tmp_path / "none.json")
+    assert "leave out --out and --plot" in refused("check", RIG, "--verify", "a", "--out", "b", "--plot", "c.png")
+    assert "leave out --all-degrees" in refused("check", RIG, "--quick", "--all-degrees")
+    assert "call it FILE.png, FILE.svg" in refused("check", RIG, "--plot", tmp_path / "plot.foo")
+    assert "no such folder" in refused("check", RIG, "--plot", tmp_path / "none" / "plot.png")
     other = companion("check", RIG, "--verify", QUADROTOR.with_name("paper_quadrotor.certificate.json"))
     assert other.returncode == 1
     assert other.stderr == "certificate is of another config\n"
