@@ -47,27 +47,14 @@ def switching_vertices(problem: AxisProblem) -> list[list[Matrix]]:
     return [[_closed_loop(problem, weights, actuator) for weights in bounds] for actuator in corners(problem.response)]
 
 
-def joint_vertices(x: AxisProblem, y: AxisProblem) -> list[Matrix]:
-    """Closed-loop matrices of both axes together at all corners, with the yaw free to turn.
+def _joint(x: AxisProblem, y: AxisProblem) -> list[Matrix]:
+    """Matrices of both axes at all corners with the yaw free: each state of an axis twice, for x and y in turn.
 
     Turning the vehicle by psi turns the attitude response seen by the two position axes: each coefficient pair (a_x,
     a_y) becomes `mean I + half difference S`, `S = [[cos 2 psi, sin 2 psi], [sin 2 psi, -cos 2 psi]]`. The corners of
     `YAW_OCTAGON` cover every psi, moving or not, as long as the thrust direction does not turn along with the yaw.
-
-    Returns
-    -------
-    list of (2 n, 2 n) Matrix
-        Each state of `axis_vertices` twice, for x and y in turn.
-
-    Raises
-    ------
-    ValueError
-        If the attitude responses of the two axes have different order.
     """
-    return _joint(x, y, list(itertools.product(corners(x.response), corners(y.response))))
-
-
-def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSpace]]) -> list[Matrix]:
+    pairs = list(itertools.product(x.response.dynamics.corners(), y.response.dynamics.corners()))
     if len(pairs[0][0].b) != len(pairs[0][1].b):
         raise ValueError("a free yaw needs attitude responses of the same order on both axes")
     bounds = list(itertools.product(weight_corners(x), weight_corners(y)))
@@ -107,9 +94,7 @@ def joint_channel(x: AxisProblem, y: AxisProblem) -> Channel:
     ValueError
         If the attitude responses have different order.
     """
-    responses = (x.response.dynamics.corners(), y.response.dynamics.corners())
-    vertices = _joint(x, y, list(itertools.product(*responses)))
-    loops = [_loop(vertex, 2) for vertex in vertices]
+    loops = [_loop(vertex, 2) for vertex in _joint(x, y)]
     if x.response.delay_s.upper and len({loop.c for loop in loops}) > 1:
         raise ValueError(
             "a free yaw with a delay needs responses of first or second order"

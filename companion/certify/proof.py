@@ -31,7 +31,7 @@ from companion.certify.piecewise.sectors import Channel, delayed, whole
 from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
 from companion.certify.sampled import largest_adaptation_rate
-from companion.certify.statement import digest, problem_of
+from companion.certify.statement import covers, digest, problem_of
 
 SCHEMA = 2  # 1 took the loop as continuous in time
 MAX_DEGREE = 16
@@ -101,7 +101,7 @@ def load(path: Path | str) -> tuple[dict[str, object], str]:
 
 
 def verify(certificate: Mapping[str, object], problem: Mapping[str, object] | None = None) -> Verdict:
-    """Verify a certificate, and that it speaks of this very problem.
+    """Verify a certificate, and that it speaks of this very problem, or of it with a delay where it has none.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
         return Verdict(False, "certificate was changed: its digest does not match")
     if certificate["problem_sha256"] != digest(certificate["problem"]):
         return Verdict(False, "certificate was changed: the digest of its problem does not match")
-    if problem is not None and digest(problem) != certificate["problem_sha256"]:
+    if problem is not None and not covers(certificate["problem"], problem):
         return Verdict(False, "certificate is of another config")
 
     stated = problem_of(certificate["problem"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -12,10 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from companion.certify.certificate import certify
+from companion.certify.bandwidth import largest_delay
+from companion.certify.certificate import RAYS, certify, certify_for_a_link, without_delay
 from companion.certify.design import Design, design
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
+from companion.certify.statement import Json
 from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
@@ -89,7 +92,7 @@ def run(arguments: Arguments) -> int:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
     designed = edited(with_response, _changes(with_response, chosen, template))
-    certificate = certify(problem(load_text(designed, out, out.parent)))
+    certificate = _certificate(problem(load_text(designed, out, out.parent)))
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin.")
         return 1
@@ -100,6 +103,16 @@ def run(arguments: Arguments) -> int:
     else:
         _show(chosen, template, identification, arguments, console)
     return 0
+
+
+def _certificate(designed: Problem) -> Mapping[str, Json] | None:
+    """As `companion check --out` would write it: with a delay for the link where the design has none."""
+    certificate, axes = certify(designed), without_delay(designed)
+    if certificate is None or not axes:
+        return certificate
+    largest = {name: each.value for name in axes if (each := largest_delay(designed.axes[name], RAYS[:2]))}
+    found = certify_for_a_link(designed, largest, RAYS[1])
+    return certificate if found is None else found[0]
 
 
 def _with_response(text: str, template: Config, identification: Identification, arguments: Arguments) -> str:

@@ -16,7 +16,7 @@ from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
-from companion.flight.readiness.certificate import uncovered, unwatched
+from companion.flight.readiness.certificate import cover, unwatched
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.tool_client import tool_socket
@@ -73,7 +73,7 @@ def run(arguments: Arguments) -> int:
     config_path = arguments.config.path
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
     certificate = arguments.certificate or certificate_path(config_path)
-    warning = uncovered(config, certificate, hedging=hedging)
+    config, warning = cover(config, certificate, hedging=hedging)
     if warning is not None and not arguments.uncertified:
         raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:

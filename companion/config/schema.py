@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
-from companion.config.base import Id, Number, Positive, Section
+from companion.config.base import NUMBER, Id, Number, Positive, Section
 from companion.config.consistency import check_delay, check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
 from companion.config.guards.rows import Guards
@@ -30,7 +30,7 @@ class VehicleSection(Section):
 
     kind: VehicleName
     """What it can do: a rig moves along one guide at hover thrust, a quadrotor flies free."""
-    hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
+    hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER]
     """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
     `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"

@@ -252,7 +252,7 @@ class Guards(Section):
     ] = GuardSection(limit=0.5, timeout_s=1.0)
     weights_on_bound: Annotated[
         CountGuardSection,
-        Row(Reason.WEIGHTS_ON_BOUND),
+        Row(Reason.WEIGHTS_ON_BOUND, certified=True),  # the sampled adaptation is certified for regressors held still
         Field(description="adaptive weights that rest on a bound of their projection"),
     ] = CountGuardSection(limit=2, timeout_s=10.0)
     tracking_error_m: Annotated[
@@ -268,10 +268,15 @@ class Guards(Section):
     link_delay_s: Annotated[
         DerivedGuardSection,
         Row(Reason.LINK_DELAY, "s", blind=Blind("no answer to TIMESYNC", 3.0), certified=True),
-        Field(description="round trip; without a limit, what the certified `attitude.*.delay_s` leaves to the link"),
+        Field(
+            description="round trip; without a limit, what the certified `attitude.*.delay_s` leaves to the link; "
+            "where that is 0, what the certificate does"
+        ),
     ] = DerivedGuardSection(timeout_s=1.0)
     link_jitter_s: Annotated[
-        GuardSection, Row(Reason.LINK_JITTER, "s"), Field(description="how much later than usual")
+        GuardSection,
+        Row(Reason.LINK_JITTER, "s", certified=True),
+        Field(description="how much later than usual; never above the limit of `link_delay_s`"),
     ] = GuardSection(limit=0.15, timeout_s=1.0)
     pose_rate_hz: Annotated[
         DerivedGuardSection,

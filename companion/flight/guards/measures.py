@@ -121,8 +121,16 @@ def least_rate_hz(config: Config) -> float:
 
 
 def longest_delay_s(config: Config) -> float:
-    """What the certified delay leaves to the link; without end where the certificate knows of no delay."""
+    """What the certified delay leaves to the link.
+
+    Without end only where neither config nor certificate knows of a delay: in lockstep, or uncertified.
+    """
     return config.guards.link_delay_s.limit or link_share_s(config.attitude) or math.inf
+
+
+def longest_jitter_s(config: Config) -> float:
+    """Never above the delay that is certified for the link: a delay that varies is certified at no rate."""
+    return min(config.guards.link_jitter_s.limit, longest_delay_s(config))
 
 
 # --- how it flies -----------------------------------------------------------------------------------------------------
@@ -223,7 +231,7 @@ MEASURES: Final = {
         limit=longest_delay_s,
         blind=lambda _, told: math.isnan(told.round_trip_s),
     ),
-    Reason.LINK_JITTER: Measured(stateless(lambda look: look.told.jitter_s)),
+    Reason.LINK_JITTER: Measured(stateless(lambda look: look.told.jitter_s), limit=longest_jitter_s),
     Reason.POSE_RATE: Measured(PoseRate, limit=least_rate_hz),
     Reason.FENCE: Measured(outside_fence, limit=lambda _: 0.5),
     Reason.TILT: Measured(stateless(tilt_rad)),
