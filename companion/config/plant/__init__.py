@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from companion.config.base import NonNegative
@@ -15,8 +17,10 @@ class Plant(VehiclePlants):
 
     setpoint_delay_s: NonNegative = 0.0
     """Transport delay of set-points in front of the attitude loop."""
+    px4_version: Literal["1.17", "1.18"] = "1.17"
+    """The PX4 that the autopilot behaves as. In 1.18 attitude set-points pass a reference model first (MC_REF_W_N)."""
     parameters: dict[str, int | float] = Field(default_factory=dict)
-    """PX4 parameters by name, those that the plant has. The others keep the defaults of PX4 v1.17."""
+    """PX4 parameters by name, those that the plant has in that version. The others keep its defaults."""
     seed: int = 1
     """Of all that is random. The same seed gives the same flight."""
     mismatch: MismatchSection = MismatchSection()
