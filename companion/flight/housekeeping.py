@@ -11,7 +11,7 @@ from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
 from companion.flight.session import Session, To
 from companion.flight.vehicle_link.link_delay import INTERVAL_S
-from companion.flight.vehicle_link.messages import Answer, EstimatorStatus, Parameter
+from companion.flight.vehicle_link.messages import Answer, EstimatorStatus, Firmware, Parameter
 from companion.flight.vehicle_link.modes import Mode
 
 PERIOD_S: Final = 0.1
@@ -48,14 +48,18 @@ class Housekeeping:
         return {
             EstimatorStatus: self._on_estimator_status,
             Parameter: self._on_parameter,
+            Firmware: self._on_firmware,
             Answer: self._on_answer,
         }
 
     def _on_estimator_status(self, status: EstimatorStatus) -> None:
         self._flight.estimator.on_status(status.flags, self._flight.clock.elapsed_s())
 
+    def _on_firmware(self, firmware: Firmware) -> None:
+        self._flight.preflight.pinned.on_firmware(firmware.version)
+
     def _on_parameter(self, parameter: Parameter) -> None:
-        if self._flight.preflight.on_parameter(parameter):
+        if self._flight.preflight.pinned.on_parameter(parameter):
             self._parameter_changed()
 
     def _on_answer(self, answer: Answer) -> None:
@@ -108,7 +112,7 @@ class Housekeeping:
     def _parameter_changed(self) -> None:
         """Somebody has set what the certificate is for: never begin with it; in control it is too late but to tell."""
         flight = self._flight
-        stale = flight.preflight.stale
+        stale = flight.preflight.pinned.stale
         text = stale or "the vehicle's parameters are again what the certificate is for"
         flight.announce("parameter_changed", text, To.LOG | To.PERSON)
         short = "certificate stale" if stale else "certificate valid again"

@@ -228,7 +228,7 @@ class Autopilot:
     ) -> None:
         """SET_ATTITUDE_TARGET, executed on arrival: PX4 neither validates it nor looks at its time stamp.
 
-        A throttle-ignore bit means zero thrust in v1.17; in v1.18 the set-point is then none, and does not keep OFFBOARD
+        A throttle-ignore bit means zero thrust in v1.17; in v1.18 such a set-point is none, and does not keep OFFBOARD
         alive. A set-point that is no number keeps OFFBOARD alive, but motors told nothing finite stand still, so it too
         means zero thrust here. Body rates alone keep OFFBOARD alive; the plant does not fly them.
         """

@@ -1,8 +1,9 @@
 """Who decides: armed or not, which mode was asked for, which mode flies.
 
-The rules are those of PX4 v1.17 and v1.18 (`commander/Commander.cpp`, `UserModeIntention.cpp`, `failsafe/`), for a multicopter
-with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested mode is kept,
-so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode in between.
+The rules are those of PX4 v1.17 and v1.18 (`commander/Commander.cpp`, `UserModeIntention.cpp`, `failsafe/`), for a
+multicopter with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested
+mode is kept, so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode
+in between.
 """
 
 from __future__ import annotations
@@ -143,8 +144,8 @@ class Commander:
     def sticks_moved(self, now_us: int, travel_percent: float, speed_1_s: float) -> bool:
         """Sticks that a pilot moves so far from where they were, so fast; whether that takes control: Position then.
 
-        v1.17 goes by the distance (COM_RC_STICK_OV), in OFFBOARD only where COM_RC_OVERRIDE has its second bit; v1.18 by
-        the speed (MAN_OVERRIDE_SPD), in OFFBOARD as in Hold.
+        v1.17 goes by the distance (COM_RC_STICK_OV), in OFFBOARD only where COM_RC_OVERRIDE has its second bit; v1.18
+        by the speed (MAN_OVERRIDE_SPD), in OFFBOARD as in Hold.
         """
         self.manual_control = True
         offboard = self.mode is FlightMode.OFFBOARD

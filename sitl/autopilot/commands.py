@@ -36,7 +36,7 @@ Results = tuple[Result, ...]
 def execute(autopilot: Autopilot, command: VehicleCommand) -> Results:
     """Execute a command; every answer PX4 sends, in order.
 
-    DO_SET_MODE has two in v1.17, where the link says ACCEPTED before the commander decides; in v1.18 the decision alone.
+    DO_SET_MODE has two in v1.17, where the link says ACCEPTED before the commander decides; v1.18 sends the decision.
     """
     how = _COMMANDS.get(command.number)
     if how is None:

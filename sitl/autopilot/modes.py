@@ -1,7 +1,7 @@
 """PX4's flight modes, their number on the wire, and the answers an autopilot gives.
 
-Numbers are those of PX4 v1.17 and v1.18 (`msg/versioned/VehicleStatus.msg`, `commander/px4_custom_mode.h`) and of MAVLink
-(MAV_RESULT, MAV_LANDED_STATE, MAV_STANDARD_MODE: https://mavlink.io/en/messages/development.html).
+Numbers are those of PX4 v1.17 and v1.18 (`msg/versioned/VehicleStatus.msg`, `commander/px4_custom_mode.h`) and of
+MAVLink (MAV_RESULT, MAV_LANDED_STATE, MAV_STANDARD_MODE: https://mavlink.io/en/messages/development.html).
 """
 
 from __future__ import annotations

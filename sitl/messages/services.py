@@ -192,7 +192,10 @@ class Services:
                 self.changed.append(stored)
 
     def _setup_signing(self, _: Frame, message: Any) -> None:
-        """A key of zeros ends signing; where it is on, only what is signed comes this far. Source: `mavlink_main.cpp`, `mavlink_sign_control.cpp` of v1.18."""
+        """A key of zeros ends signing; where it is on, only what is signed comes this far.
+
+        Source: `mavlink_main.cpp`, `mavlink_sign_control.cpp` of v1.18.
+        """
         if not self.for_us(message):
             return
         if self._autopilot.commander.armed:

@@ -6,12 +6,12 @@ import math
 from typing import Final
 
 import pytest
+from harness.running_plant import HOVER_THRUST, quadrotor
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.control import attitude
 from companion.mavlink.codec import FrameParser, decode_cold
 from companion.mavlink.px4 import Result
-from harness.running_plant import HOVER_THRUST, quadrotor
 from sitl.autopilot.attitude_reference import AttitudeReference
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand, execute
