@@ -113,7 +113,9 @@ class Changes:
         flight, link = self._flight, self._flight.link
         fault = None if flight.fault is None else flight.fault.reason
         if fault is None and flight.state in (State.STANDBY, State.ENGAGED):
-            fault = flight.freshness.stale(flight.clock.now_s)
+            # Disarmed in stand-by nothing is flown by the pose. Once armed, its age counts before control begins.
+            grounded = flight.state is State.STANDBY and not link.armed
+            fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
         return Known(
             link.connected,
             flight.preflight.passed and flight.hands_off is not None,

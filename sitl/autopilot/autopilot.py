@@ -58,7 +58,7 @@ class Autopilot:
         estimate: what the autopilot believes about its state; the truth unless replaced.
         heading_error_rad: of the estimate, which the attitude loop turns the vehicle by.
         health: what the estimator says of itself.
-        stamp_us: what ODOMETRY says the time is, from the time; the time itself unless replaced.
+        stamp_us: what ODOMETRY and TIMESYNC say the time is, from the time; the time itself unless replaced.
         request_faults: what it does wrong with requests; `None` for a healthy autopilot.
         on_control, on_setpoint: called with the time at every control step, and with every set-point that is executed
             (attitude, thrust, type mask), before they take effect.
@@ -184,6 +184,11 @@ class Autopilot:
     def now_us(self) -> int:
         """Simulated time since boot."""
         return self.time_us
+
+    @property
+    def told_us(self) -> int:
+        """What its own clock says the time is, as ODOMETRY and TIMESYNC tell it."""
+        return self.time_us if self.stamp_us is None else self.stamp_us(self.time_us)
 
     # --- what it tells ----------------------------------------------------------------------------------------------
 
