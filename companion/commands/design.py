@@ -28,6 +28,7 @@ from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS
 from companion.identify.write import note, response
 
+_REFERENCE_MODEL_RAD_S: Final = 50.0  # PX4's default
 _SEARCH_RAYS: Final = (0, 8)  # 16 give 1 % more for twice the work
 
 
@@ -136,16 +137,28 @@ def _with_response(text: str, template: Config, identification: Identification, 
         plant = ("plant", template.vehicle.kind, angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
-            changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
+            own_s = max(flown.get("delay_s", 0.0) - _reference_model_s(template, identification), 0.0)
+            changes[plant] = flow({**flown, "delay_s": _plus(own_s, more_s)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
-    gains = flow(identification.gains)
-    if ("vehicle", "parameters") in known and identification.gains:
-        changes["vehicle", "parameters"] = gains
+    stated: dict[str, str] = {}
+    if identification.gains:
+        stated["parameters"] = flow(identification.gains)
+    if identification.px4_version is not None:
+        stated["px4_version"] = f'"{identification.px4_version}"'
+    changes |= {("vehicle", key): value for key, value in stated.items() if ("vehicle", key) in known}
     text = edited(text, changes, notes)
-    if ("vehicle", "parameters") not in known and identification.gains:
-        text = added(text, "vehicle", "parameters", gains)
+    for key, value in stated.items():
+        if ("vehicle", key) not in known:
+            text = added(text, "vehicle", key, value)
     return text
+
+
+def _reference_model_s(template: Config, identification: Identification) -> float:
+    """By how much a plant of PX4 v1.18 is late by itself: 2 / MC_REF_W_N, which the identified delay has in it."""
+    if template.plant is None or template.plant.px4_version == "1.17":
+        return 0.0
+    return 2.0 / identification.gains.get("MC_REF_W_N", _REFERENCE_MODEL_RAD_S)
 
 
 def _design(stated: Problem, arguments: Arguments, console: Console) -> Design | None:

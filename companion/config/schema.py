@@ -42,7 +42,11 @@ class VehicleSection(Section):
     """MAVLink component id of the autopilot."""
     parameters: dict[ParameterName, Number] = Field(default_factory=dict)
     """PX4 parameters, the attitude gains above all, as they were when the response was identified. Where the vehicle's
-    differ `companion run` refuses (`certificate_stale`). Empty: nothing is compared."""
+    differ `companion run` refuses (`certificate_stale`). Gains that are not stated are read before stand-by and pinned:
+    a change from then on counts the same."""
+    px4_version: Annotated[str, Field(pattern=r"^\d+\.\d+$")] | None = None
+    """PX4's version when the response was identified, as "1.17": another one answers otherwise, and `companion run`
+    refuses it (`certificate_stale`). Left out: any."""
 
 
 class PaperMetrics(Section):

@@ -88,7 +88,7 @@ class Changes:
         elif state is State.STANDBY:
             self._stand_by()
         elif state is State.ENGAGED and flight.sample is not None:
-            flight.pilot.take_over(flight.sample, flight.preflight.hover_thrust)
+            flight.pilot.take_over(flight.sample, flight.preflight.pinned.hover_thrust)
             flight.watch.begin(flight.sample)
             flight.engaged = True
         flight.state = state
@@ -113,7 +113,9 @@ class Changes:
         flight, link = self._flight, self._flight.link
         fault = None if flight.fault is None else flight.fault.reason
         if fault is None and flight.state in (State.STANDBY, State.ENGAGED):
-            fault = flight.freshness.stale(flight.clock.now_s)
+            # Disarmed in stand-by nothing is flown by the pose. Once armed, its age counts before control begins.
+            grounded = flight.state is State.STANDBY and not link.armed
+            fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
         return Known(
             link.connected,
             flight.preflight.passed and flight.hands_off is not None,
@@ -154,14 +156,15 @@ class Changes:
         if flight.sample is not None:
             flight.ground_z_m = flight.sample.z_m
         flight.pose.settle()
-        flight.pilot.believe_hover_thrust(flight.preflight.hover_thrust)
-        if flight.preflight.stale is not None:
-            stale = flight.preflight.stale
+        flight.pilot.believe_hover_thrust(flight.preflight.pinned.hover_thrust)
+        pinned = flight.preflight.pinned
+        if pinned.stale is not None:
+            stale = pinned.stale
             flight.announce("uncertified", stale, To.LOG | To.PERSON, line=f"UNCERTIFIED FLIGHT: {stale}")
-        warning = self._warning or flight.preflight.stale
+        warning = self._warning or pinned.stale
         if warning is not None:
             flight.announce("uncertified", f"UNCERTIFIED: {warning}", To.GROUND_STATION)
-        lines = [*flight.preflight.remarks(), *flight.blindness.settle(flight.told())]
+        lines = [*pinned.remarks(), *flight.blindness.settle(flight.told())]
         if (flown := flight.pilot.manoeuvre) is not None:
             lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
         for line in lines:

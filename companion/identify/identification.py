@@ -78,6 +78,8 @@ class Identification(NamedTuple):
         Why another could not, one line each.
     gains
         Parameters of the attitude loop as logged, for comparing with the vehicle's later.
+    px4_version
+        The vehicle's, as "1.17", for the same; None where no log tells.
     """
 
     paths: tuple[Path, ...]
@@ -86,6 +88,7 @@ class Identification(NamedTuple):
     axes: dict[str, AxisIdentification]
     refused: dict[str, str]
     gains: dict[str, float]
+    px4_version: str | None = None
 
 
 def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
@@ -128,7 +131,8 @@ def identify(recordings: Sequence[Recording]) -> Identification:
         raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
     gains = {name: value for recording in recordings for name, value in recording.gains.items()}
     paths = tuple(recording.path for recording in recordings)
-    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains)
+    version = next((recording.px4_version for recording in recordings if recording.px4_version), None)
+    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, version)
 
 
 _Views = dict[Path, tuple[ClockMap, Recording | None]]
@@ -140,6 +144,10 @@ def _check_alike(recordings: Sequence[Recording]) -> None:
         if other.system_id != first.system_id:
             raise LogError(
                 f"{other.path}: wrong vehicle: system {other.system_id}, {first.path} is of {first.system_id}"
+            )
+        if first.px4_version and other.px4_version and other.px4_version != first.px4_version:
+            raise LogError(
+                f"{other.path}: PX4 {other.px4_version}, in {first.path} it is {first.px4_version}: give logs of one"
             )
         for name, value in first.gains.items():
             if other.gains.get(name, value) != value:

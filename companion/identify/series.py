@@ -73,6 +73,8 @@ class Recording(NamedTuple):
         Our clock to the vehicle's, where the log carries the set-points that the vehicle had in force.
     gains
         Parameters of the attitude loop as logged.
+    px4_version
+        The vehicle's, as "1.17"; None where the log does not tell.
     """
 
     path: Path
@@ -86,6 +88,7 @@ class Recording(NamedTuple):
     stamps_s: Floats
     applied: ClockMap | None
     gains: dict[str, float]
+    px4_version: str | None = None
 
 
 def angles(q_wxyz: npt.NDArray[Any]) -> Floats:

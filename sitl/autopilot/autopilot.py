@@ -1,6 +1,6 @@
 """PX4 as a companion computer meets it, without sockets and without a wall clock.
 
-`Autopilot` steps a vehicle through simulated time and answers set-points and commands as PX4 v1.17 does: `commander`
+`Autopilot` steps a vehicle through simulated time and answers set-points and commands as PX4 does: `commander`
 decides which mode flies, `navigator` flies it, `commands` acts on both. What PX4 does that surprises is written where
 it is done.
 """
@@ -14,10 +14,11 @@ from typing import Final, NamedTuple
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.autopilot import position_control
+from sitl.autopilot.attitude_reference import AttitudeReference
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.modes import AUTO_MODES, CUSTOM_MODE_ENABLED, STICK_MODES, FlightMode, LandedState, Severity
 from sitl.autopilot.navigator import Home, Navigator
-from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.parameters import Parameters, Px4Version
 from sitl.autopilot.position_control import PositionControlParams, PositionControlSetpoint, PositionControlState
 from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
 from sitl.autopilot.request_faults import RequestFaults
@@ -49,7 +50,7 @@ class Autopilot:
 
     Attributes:
         time_us: simulated time since boot; moves in steps of the physics.
-        setpoint: attitude and thrust that the attitude loop follows now.
+        setpoint: attitude and thrust that are flown now; in v1.18 the attitude loop follows a reference model of it.
         commander: arming and modes.
         home: where it was armed last.
         reset_counter: of the estimator, for ODOMETRY.
@@ -57,7 +58,7 @@ class Autopilot:
         estimate: what the autopilot believes about its state; the truth unless replaced.
         heading_error_rad: of the estimate, which the attitude loop turns the vehicle by.
         health: what the estimator says of itself.
-        stamp_us: what ODOMETRY says the time is, from the time; the time itself unless replaced.
+        stamp_us: what ODOMETRY and TIMESYNC say the time is, from the time; the time itself unless replaced.
         request_faults: what it does wrong with requests; `None` for a healthy autopilot.
         on_control, on_setpoint: called with the time at every control step, and with every set-point that is executed
             (attitude, thrust, type mask), before they take effect.
@@ -80,6 +81,8 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, vehicle.hover_thrust, vehicle.can_fly)
         self.home = Home(vehicle.state.position_ned_m, vehicle.state.q_wxyz, 0)
         self.setpoint = AttitudeThrust(vehicle.state.q_wxyz, 0.0)
+        self._v1_17 = self.parameters.version is Px4Version.V1_17
+        self._reference = None if self._v1_17 else AttitudeReference(self.parameters)
         self._position_target: tuple[PositionControlSetpoint, float] | None = None  # with its yaw
         self._position_control = PositionControlState()
         self._next_control_us = 0
@@ -99,6 +102,8 @@ class Autopilot:
                 self._control()
                 self._next_control_us = now + CONTROL_DT_US
             q_wxyz, thrust = self.setpoint
+            if self._reference is not None:
+                q_wxyz = self._reference.follow(q_wxyz, now)
             if self.heading_error_rad:
                 q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
@@ -180,6 +185,11 @@ class Autopilot:
         """Simulated time since boot."""
         return self.time_us
 
+    @property
+    def told_us(self) -> int:
+        """What its own clock says the time is, as ODOMETRY and TIMESYNC tell it."""
+        return self.time_us if self.stamp_us is None else self.stamp_us(self.time_us)
+
     # --- what it tells ----------------------------------------------------------------------------------------------
 
     def truth(self) -> VehicleState:
@@ -223,14 +233,16 @@ class Autopilot:
     ) -> None:
         """SET_ATTITUDE_TARGET, executed on arrival: PX4 neither validates it nor looks at its time stamp.
 
-        A throttle-ignore bit means zero thrust. A set-point that is no number keeps OFFBOARD alive, but motors told
-        nothing finite stand still, so it too means zero thrust here. Body rates alone keep OFFBOARD alive; the plant
-        does not fly them.
+        A throttle-ignore bit means zero thrust in v1.17; in v1.18 such a set-point is none, and does not keep OFFBOARD
+        alive. A set-point that is no number keeps OFFBOARD alive, but motors told nothing finite stand still, so it too
+        means zero thrust here. Body rates alone keep OFFBOARD alive; the plant does not fly them.
         """
         if self.on_setpoint is not None:
             self.on_setpoint(q_wxyz, thrust, type_mask)
         attitude = not type_mask & ATTITUDE_IGNORE
         if not attitude and type_mask & ROLL_OR_PITCH_RATE_IGNORE:
+            return
+        if type_mask & THROTTLE_IGNORE and not type_mask & THRUST_BODY_SET and not self._v1_17:
             return
         commander = self.commander
         self._position_target = None

@@ -1,4 +1,4 @@
-"""What the autopilot is asked to do: PX4's MAV_CMDs, each with every answer that PX4 v1.17 gives."""
+"""What the autopilot is asked to do: PX4's MAV_CMDs, each with every answer that PX4 gives."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import GlobalPosition, to_local
 from sitl.autopilot.modes import CUSTOM_MODE_ENABLED, FlightMode, from_main_sub
 from sitl.autopilot.navigator import Home
+from sitl.autopilot.parameters import Px4Version
 from sitl.autopilot.request_faults import Answer
 
 FORCE: Final = 21196  # MAV_CMD_COMPONENT_ARM_DISARM, parameter 2
@@ -35,7 +36,7 @@ Results = tuple[Result, ...]
 def execute(autopilot: Autopilot, command: VehicleCommand) -> Results:
     """Execute a command; every answer PX4 sends, in order.
 
-    DO_SET_MODE has two: the link says ACCEPTED before the commander decides.
+    DO_SET_MODE has two in v1.17, where the link says ACCEPTED before the commander decides; v1.18 sends the decision.
     """
     how = _COMMANDS.get(command.number)
     if how is None:
@@ -50,7 +51,7 @@ def set_mode(autopilot: Autopilot, base_mode: int, main_mode: int, sub_mode: int
     if not base_mode & CUSTOM_MODE_ENABLED:
         mode: FlightMode | None = FlightMode.POSCTL if base_mode & 64 else None
     else:
-        mode = from_main_sub(main_mode, sub_mode)
+        mode = from_main_sub(main_mode, sub_mode, autopilot.parameters.version)
     if mode is None:
         return Result.TEMPORARILY_REJECTED
     return switch(autopilot, mode, force=mode is FlightMode.LAND)
@@ -75,7 +76,8 @@ def _land(autopilot: Autopilot, _: VehicleCommand) -> Results:
 
 
 def _set_mode(autopilot: Autopilot, command: VehicleCommand) -> Results:
-    return Result.ACCEPTED, set_mode(autopilot, _whole(command.p1), _whole(command.p2), _whole(command.p3))
+    decision = set_mode(autopilot, _whole(command.p1), _whole(command.p2), _whole(command.p3))
+    return (Result.ACCEPTED, decision) if autopilot.parameters.version is Px4Version.V1_17 else (decision,)
 
 
 def _take_off(autopilot: Autopilot, command: VehicleCommand) -> Results:

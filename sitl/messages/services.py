@@ -12,9 +12,9 @@ from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Encoder, Frame, Layout, decode_cold
-from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.autopilot import Autopilot, Notice
 from sitl.autopilot.modes import Severity
-from sitl.autopilot.parameters import HASH_NAME, WireParameter
+from sitl.autopilot.parameters import HASH_NAME, Px4Version, WireParameter
 from sitl.messages.link_commands import ANY, Commands
 from sitl.messages.log_download import LOG_DATA, LogDownload, LogFile
 from sitl.messages.streams import Streams
@@ -36,6 +36,7 @@ class Services:
         commands: what is answered to commands.
         ground_station_seen: whether a ground station's heartbeat came by; only then PX4 sends STATUSTEXT.
         changed: parameters set on this link, for the other links to tell.
+        new_signing_key: taken by SETUP_SIGNING, of no bytes where signing was ended; the owner of the link acts on it.
         ignored: frames that were not for this autopilot, or that nobody handles.
         logs: what is being downloaded; the owner of the link calls `send_logs` while it is `sending`.
     """
@@ -64,6 +65,7 @@ class Services:
         self.replies: list[bytes] = []
         self.commands = Commands(self, autopilot, streams)
         self.changed: list[WireParameter] = []
+        self.new_signing_key: bytes | None = None
         self.setpoint_ms = -1
         self.ground_station_seen = False
         self.ignored = 0
@@ -85,6 +87,8 @@ class Services:
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END: lambda _, message: self.logs.request_end(message),
             mavlink.MAVLINK_MSG_ID_LOG_ERASE: lambda _, __: self.logs.erase(armed=autopilot.commander.armed),
         }
+        if autopilot.parameters.version is not Px4Version.V1_17:  # there SETUP_SIGNING does nothing
+            self._handlers[mavlink.MAVLINK_MSG_ID_SETUP_SIGNING] = self._setup_signing
 
     def handle(self, frame: Frame) -> None:
         """Take one frame; what there is to answer stands in `replies`."""
@@ -186,6 +190,22 @@ class Services:
             if stored is not None:
                 self.send_parameter(stored)
                 self.changed.append(stored)
+
+    def _setup_signing(self, _: Frame, message: Any) -> None:
+        """A key of zeros ends signing; where it is on, only what is signed comes this far.
+
+        Source: `mavlink_main.cpp`, `mavlink_sign_control.cpp` of v1.18.
+        """
+        if not self.for_us(message):
+            return
+        if self._autopilot.commander.armed:
+            self._autopilot.notices.append(Notice(Severity.CRITICAL, "MAVLink signing: rejected while armed"))
+            return
+        key = bytes(message.secret_key)
+        blank = not any(key) and message.initial_timestamp == 0
+        self.new_signing_key = b"" if blank else key
+        text = "MAVLink signing disabled" if blank else "MAVLink signing key accepted"
+        self._autopilot.notices.append(Notice(Severity.INFO, text))
 
     def _mission_list(self, frame: Frame, message: Any) -> None:
         if self.for_us(message):

@@ -1,4 +1,4 @@
-"""The messages of the plant that go out rarely, as PX4 v1.17 fills them (`mavlink/streams/*.hpp`), by pymavlink."""
+"""The messages of the plant that go out rarely, as PX4 fills them (`mavlink/streams/*.hpp`), by pymavlink."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HEALTHY: Final = (
     | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     | mavlink.MAV_SYS_STATUS_AHRS
 )
-_PX4_VERSION: Final = 1 << 24 | 17 << 16 | 0 << 8 | 255  # 1.17.0, release
+_RELEASE: Final = 255  # FIRMWARE_VERSION_TYPE
 _CAPABILITIES: Final = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
@@ -216,10 +216,12 @@ class StatusMessages:
         return self.pack(message, sequence)
 
     def autopilot_version(self, sequence: int) -> bytes:
+        major, minor = map(int, self._autopilot.parameters.version.split("."))
+        version = major << 24 | minor << 16 | _RELEASE
         message = mavlink.MAVLink_autopilot_version_message(
             capabilities=_CAPABILITIES,
-            flight_sw_version=_PX4_VERSION,
-            middleware_sw_version=_PX4_VERSION,
+            flight_sw_version=version,
+            middleware_sw_version=version,
             os_sw_version=0,
             board_version=0,
             flight_custom_version=[0] * 8,

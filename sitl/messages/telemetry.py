@@ -87,10 +87,9 @@ class Telemetry:
         if autopilot.health is not self._health:
             self._health = autopilot.health
             self._odometry_tail = (*covariances(self._health), 1, 1)
-        now_us = autopilot.time_us
         return self._odometry(
             sequence,
-            now_us if autopilot.stamp_us is None else autopilot.stamp_us(now_us),
+            autopilot.told_us,
             *position,
             *q_wxyz,
             *velocity,
@@ -163,11 +162,11 @@ class Telemetry:
         )
 
     def timesync(self, sequence: int) -> bytes:
-        return self._timesync(sequence, 0, 1000 * self._now_us)
+        return self._timesync(sequence, 0, 1000 * self._autopilot.told_us)
 
     def timesync_reply(self, sequence: int, their_time_ns: int) -> bytes:
         """The answer to a TIMESYNC request that carried `their_time_ns`."""
-        return self._timesync(sequence, 1000 * self._now_us, their_time_ns)
+        return self._timesync(sequence, 1000 * self._autopilot.told_us, their_time_ns)
 
     @property
     def _now_us(self) -> int:

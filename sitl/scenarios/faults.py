@@ -173,6 +173,16 @@ class JumpClock(NamedTuple):
         run.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
 
 
+class SlowClock(NamedTuple):
+    """PX4's clock runs at this rate from now on, as in a simulation that the machine is too slow for."""
+
+    rate: float
+
+    def happen(self, run: ScenarioRun) -> None:
+        began_us, rate = run.autopilot.time_us, self.rate
+        run.autopilot.stamp_us = lambda now_us: began_us + round(rate * (now_us - began_us))
+
+
 # --- the link -----------------------------------------------------------------------------------------------------
 
 

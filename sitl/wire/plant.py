@@ -15,6 +15,7 @@ from sitl.messages.services import Services
 from sitl.messages.streams import Profile, Streams
 from sitl.messages.telemetry import Telemetry
 from sitl.wire.ports import Port
+from sitl.wire.signed_port import SignedPort
 from sitl.wire.wire import Channels, Wire
 
 FIXED_EPOCH_US: Final = 1_700_000_000_000_000  # where SYSTEM_TIME must not depend on the day
@@ -88,8 +89,17 @@ class Plant:
             while data := wire.port.receive():
                 came = True
                 wire.handle(data, self.autopilot.time_us)
+                if wire.services.new_signing_key is not None:
+                    self._sign(wire.services.new_signing_key)
+                    wire.services.new_signing_key = None
         if came:
             self.send_notices()
+
+    def _sign(self, key: bytes) -> None:
+        """From here on every wire is signed by `key`, or none is where it has no bytes."""
+        for wire in self.wires:
+            bare = wire.port.bare if isinstance(wire.port, SignedPort) else wire.port
+            wire.port = SignedPort(bare, key) if key else bare
 
     def send_notices(self) -> None:
         """Status texts to ground stations, parameters that one link changed to the others."""

@@ -16,6 +16,7 @@ from companion.config.load import load_config
 ROOT = Path(__file__).resolve().parents[2]
 RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
+PX4_1_18 = ROOT / "config" / "px4_quadrotor_1_18.yaml"
 NOBODY = ("--link", "udpout://127.0.0.1:9", "--set", "link.connect_timeout_s=0.3")
 
 
@@ -28,7 +29,7 @@ def refused(*arguments: object, cwd: Path = ROOT) -> str:
     return ended.stderr
 
 
-@pytest.mark.parametrize("config", [RIG, QUADROTOR, PX4])
+@pytest.mark.parametrize("config", [RIG, QUADROTOR, PX4, PX4_1_18])
 def test_shipped_certificates_are_those_of_the_shipped_configs(config: Path) -> None:
     ended = companion("check", config, "--verify", config.with_name(f"{config.stem}.certificate.json"))
     assert ended.returncode == 0, ended.stderr

@@ -162,7 +162,7 @@ class Reason(ReasonRow):
     )
     CERTIFICATE_STALE = (
         "certificate_stale", Group.NEVER_BEGAN,
-        "the vehicle's gains are not those its attitude response was identified with",
+        "the vehicle's PX4 or gains are not those its attitude response was identified with, or it does not tell them",
         "identify again, or set them back; they may have changed in stand-by",
     )
     SECOND_COMPANION = (

@@ -18,10 +18,12 @@ from companion.mavlink.codec import Layout
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
+AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
+_VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
 _PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
 _PARAM_NAME: Final = slice(8, 24)
 _PARAM_TYPE: Final = 24
@@ -70,6 +72,12 @@ class Parameter(NamedTuple):
     value: int | float
 
 
+class Firmware(NamedTuple):
+    """AUTOPILOT_VERSION: major, minor and patch of the autopilot's software."""
+
+    version: tuple[int, int, int]
+
+
 class Command(IntEnum):
     """Commands whose answers are looked at."""
 
@@ -113,6 +121,12 @@ def parameter(payload: bytes) -> Parameter | None:
     return Parameter(name.decode("ascii", "replace"), value)
 
 
+def firmware(payload: bytes) -> Firmware:
+    """An AUTOPILOT_VERSION. Its lowest byte says whether it is a release; that is left out."""
+    number = AUTOPILOT_VERSION.unpack(payload)[_VERSION]
+    return Firmware((number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF))
+
+
 def answer(payload: bytes) -> Answer:
     """A COMMAND_ACK."""
     values = COMMAND_ACK.unpack(payload)
@@ -122,5 +136,6 @@ def answer(payload: bytes) -> Answer:
 ROWS: Final = (
     Row(ESTIMATOR_STATUS.message_id, estimator_status, 5.0),
     Row(mavlink.MAVLINK_MSG_ID_PARAM_VALUE, parameter),
+    Row(AUTOPILOT_VERSION.message_id, firmware),
     Row(COMMAND_ACK.message_id, answer),
 )
