@@ -89,10 +89,12 @@ class Services:
     def handle(self, frame: Frame) -> None:
         """Take one frame; what there is to answer stands in `replies`."""
         if frame.message_id == _SETPOINT_ID:
-            time_ms, q0, q1, q2, q3, _, _, _, thrust, system, component, mask = self._unpack_setpoint(frame.payload)
+            time_ms, q0, q1, q2, q3, _, _, yaw_rate, thrust, system, component, mask = self._unpack_setpoint(
+                frame.payload
+            )
             if system in self._systems and component in self._components:
                 self.setpoint_ms = time_ms
-                self._on_attitude_target((q0, q1, q2, q3), thrust, mask)
+                self._on_attitude_target((q0, q1, q2, q3), thrust, mask, yaw_rate)
             else:
                 self.ignored += 1
             return
@@ -149,6 +151,8 @@ class Services:
     def _heartbeat(self, _: Frame, message: Any) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
             self.ground_station_seen = True
+        elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
+            self._autopilot.on_companion_heartbeat()
 
     def _ping(self, frame: Frame, message: Any) -> None:
         if message.target_system == ANY and message.target_component == ANY:

@@ -136,7 +136,7 @@ class Telemetry:
         )
 
     def attitude_target(self, sequence: int) -> bytes:
-        q_wxyz, thrust = self._autopilot.setpoint
+        q_wxyz, thrust = self._autopilot.attitude_target
         return self._attitude_target(sequence, self._now_ms, *q_wxyz, 0.0, 0.0, 0.0, thrust, 0)
 
     def current_mode(self, sequence: int) -> bytes:
