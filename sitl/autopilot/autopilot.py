@@ -28,6 +28,8 @@ from sitl.world.estimator_status import NOMINAL
 
 PHYSICS_DT_US: Final = 1_000
 CONTROL_DT_US: Final = 10_000
+RESETS_AT_START: Final = 11  # of EKF2, each time it has found itself on the ground
+RESET_CLIMB_M: Final = 1.5  # and once more so far above home
 COMPANION_LOST_US: Final = 6_500_000  # COM_OBC_LOSS_T after its heartbeats are missed
 
 
@@ -48,6 +50,7 @@ class Autopilot:
         told: the last attitude and thrust that OFFBOARD was told, as they were sent; for ATTITUDE_TARGET.
         commander: arming and modes.
         home: where it was armed last.
+        like_px4: whether ODOMETRY and CURRENT_MODE come when PX4 sends them, and resets are counted as EKF2 does.
         reset_counter: of the estimator, for ODOMETRY.
         notices: status texts nobody has taken yet.
         estimate: what the autopilot believes about its state; the truth unless replaced.
@@ -59,11 +62,13 @@ class Autopilot:
             (attitude, thrust, type mask), before they take effect.
     """
 
-    def __init__(self, vehicle: Vehicle, parameters: Parameters | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, parameters: Parameters | None = None, *, like_px4: bool = False) -> None:
         self.vehicle = vehicle
+        self.like_px4 = like_px4
         self.parameters = parameters or Parameters({"MPC_THR_HOVER": vehicle.hover_thrust})
         self.time_us = 0
-        self.reset_counter = 0
+        self.reset_counter = RESETS_AT_START if like_px4 else 0
+        self._counts_climb = like_px4
         self.notices: deque[Notice] = deque(maxlen=32)
         self.estimate: Callable[[], VehicleState] = self.truth
         self.heading_error_rad = 0.0
@@ -114,6 +119,9 @@ class Autopilot:
                 commander.request(late, self.time_us)
         self._gains.follow(self.parameters, vehicle)
         self._look_for_companion()
+        if self._counts_climb and self.home.position_ned_m[2] - vehicle.state.position_ned_m[2] > RESET_CLIMB_M:
+            self._counts_climb = False
+            self.reset_counter += 1
         self._detect_landing()
         commander.update(self.time_us)
         if not commander.armed or commander.mode is FlightMode.TERMINATION or commander.killed:

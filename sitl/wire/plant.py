@@ -64,8 +64,7 @@ class Plant:
                 streams = wire.streams
                 streams.others(due, frames)
                 if streams.odometry_due_us <= due:
-                    streams.odometry(due, frames)
-                    self.odometry_sent += 1
+                    self.odometry_sent += streams.odometry(due, frames)
                 if wire.channels is not None:
                     wire.send_due(frames, due)
                     frames.clear()

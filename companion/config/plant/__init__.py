@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from companion.config.base import NonNegative
@@ -17,6 +19,9 @@ class Plant(VehiclePlants):
     """Transport delay of set-points in front of the attitude loop."""
     parameters: dict[str, int | float] = Field(default_factory=dict)
     """PX4 parameters by name, those that the plant has. The others keep the defaults of PX4 v1.17."""
+    telemetry: Literal["even", "px4"] = "even"
+    """When ODOMETRY and CURRENT_MODE come: `even`, at the rate asked for and without delay; `px4`, as PX4 v1.17 sends
+    them: of samples 8 ms apart, up to 5 ms late, CURRENT_MODE twice a second and when it changes, resets counted."""
     seed: int = 1
     """Of all that is random. The same seed gives the same flight."""
     mismatch: MismatchSection = MismatchSection()
