@@ -20,7 +20,7 @@ from sitl.autopilot.navigator import Home, Navigator
 from sitl.autopilot.offboard import PositionFlight
 from sitl.autopilot.parameters import Parameters
 from sitl.autopilot.position_control import PositionControlSetpoint
-from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
+from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration, yaw_of
 from sitl.autopilot.request_faults import RequestFaults
 from sitl.vehicles.rotation import Quaternion, turned
 from sitl.vehicles.vehicle import Quadrotor, Vehicle, VehicleState
@@ -262,8 +262,14 @@ class Autopilot:
             self.told = offboard.told(q_wxyz, thrust, type_mask)
             self.setpoint = offboard.by_attitude(q_wxyz, thrust, type_mask, yaw_rate_rad_s, yaw_gain_1_s)
 
-    def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
-        """A position set-point, flown by PX4's own position controller for as long as OFFBOARD is."""
+    def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float | None) -> None:
+        """A position set-point, flown by PX4's own position controller for as long as OFFBOARD is.
+
+        `yaw_rad`: `None` keeps the heading.
+        """
+        target = self._position_flight.target
+        if yaw_rad is None:
+            yaw_rad = yaw_of(self.estimate().q_wxyz) if target is None else target[1]
         self._position_flight.target = setpoint, yaw_rad
         self._stream_arrived()
 

@@ -15,8 +15,11 @@ from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Encoder, Frame, Lay
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.modes import Severity
 from sitl.autopilot.parameters import HASH_NAME, WireParameter
+from sitl.autopilot.position_control import PositionControlSetpoint
+from sitl.messages import file_transfer
 from sitl.messages.link_commands import ANY, Commands
-from sitl.messages.log_download import LOG_DATA, LogDownload, LogFile
+from sitl.messages.log_card import Log
+from sitl.messages.log_download import LOG_DATA, LogDownload
 from sitl.messages.streams import Streams
 from sitl.messages.telemetry import Telemetry
 
@@ -24,6 +27,9 @@ Reply = Callable[[Frame, Any], None]
 
 _SETPOINT: Final = Layout("SET_ATTITUDE_TARGET")
 _SETPOINT_ID: Final = _SETPOINT.message_id
+_POSITION_IGNORE: Final = 0x007  # POSITION_TARGET_TYPEMASK
+_VELOCITY_IGNORE: Final = 0x038
+_ACCELERATION_IGNORE: Final = 0x1C0
 
 
 class Services:
@@ -47,7 +53,7 @@ class Services:
         streams: Streams,
         system_id: int,
         component_id: int,
-        logs: list[LogFile] | None = None,
+        logs: list[Log] | None = None,
     ) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
@@ -80,6 +86,8 @@ class Services:
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self.commands.on_command_int,
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self.commands.on_command_long,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
+            mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._position_target,
+            mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: self._file_transfer,
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST: lambda _, message: self.logs.request_list(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA: lambda _, message: self.logs.request_data(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END: lambda _, message: self.logs.request_end(message),
@@ -168,6 +176,31 @@ class Services:
     def _timesync(self, _: Frame, message: Any) -> None:
         if message.tc1 == 0:
             self.replies.append(self._telemetry.timesync_reply(self._streams.next_sequence(), message.ts1))
+
+    def _position_target(self, _: Frame, message: Any) -> None:
+        """A set-point by position, with its velocity and acceleration where they are not ignored; the plant flies no
+        other."""
+        ours = message.target_system in self._systems and message.target_component in self._components
+        mask = message.type_mask
+        if not ours or message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED or mask & _POSITION_IGNORE:
+            self.ignored += 1
+            return
+        still = (0.0, 0.0, 0.0)
+        self._autopilot.on_position_target(
+            PositionControlSetpoint(
+                (message.x, message.y, message.z),
+                still if mask & _VELOCITY_IGNORE else (message.vx, message.vy, message.vz),
+                still if mask & _ACCELERATION_IGNORE else (message.afx, message.afy, message.afz),
+            ),
+            None if mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw,
+        )
+
+    def _file_transfer(self, frame: Frame, message: Any) -> None:
+        if self.for_us(message):
+            payload = file_transfer.answer(bytes(message.payload), self.logs.logs)
+            self.send(
+                mavlink.MAVLink_file_transfer_protocol_message(0, frame.system_id, frame.component_id, list(payload))
+            )
 
     def _param_read(self, _: Frame, message: Any) -> None:
         if self.for_us(message):

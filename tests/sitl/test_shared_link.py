@@ -16,7 +16,7 @@ from harness import processes
 from harness.processes import PATIENT, end_of, finish, folder_of, lines_until, start, stop
 
 from companion.record.reader import read_flight
-from sitl.messages.log_download import synthetic_log
+from sitl.messages.log_card import synthetic_log
 
 QUADROTOR = processes.ROOT / "config" / "paper_quadrotor.yaml"
 QUICK = "{COM_SPOOLUP_TIME: 0.2, MPC_TKO_RAMP_T: 0.5, NAV_MC_ALT_RAD: 0.3, COM_RC_OVERRIDE: 3, MC_ROLL_P: 6.5}"

@@ -456,8 +456,7 @@ def test_termination_is_final() -> None:
 def test_commands_nobody_knows() -> None:
     pilot = make_quadrotor()
     assert execute(pilot, VehicleCommand(31999)) == (Result.UNSUPPORTED,)
-    assert execute(pilot, VehicleCommand(400, 7.0)) == (Result.UNSUPPORTED,)
-    assert execute(pilot, VehicleCommand(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
+    assert execute(pilot, VehicleCommand(176, 1.0, 4.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
     assert execute(pilot, VehicleCommand(185, 1.0)) == (Result.DENIED,), "disarmed"
     assert execute(pilot, VehicleCommand(246, 1.0)) == (Result.DENIED,)
 
