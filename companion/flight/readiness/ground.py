@@ -14,17 +14,23 @@ _LONG_S: Final = 0.5
 
 
 class Ground:
-    """Args: `flies`, False for a rig, which has no ground.
+    """Args: `flies`, False for a rig, which has no ground, and for a vehicle without propellers; `takes_off`, whether
+    the companion has it take off: then nobody is to switch to OFFBOARD on the ground.
 
     Attributes: `standing`, whether it says that it stands on the ground; `told`, whether it says so or otherwise.
     """
 
-    def __init__(self, *, flies: bool) -> None:
-        self._flies = flies
+    def __init__(self, *, flies: bool, takes_off: bool = False) -> None:
+        self._flies, self._takes_off = flies, takes_off
         self._air_since_s = -math.inf  # so that who comes to a vehicle in the air need not wait
         self._offboard_since_s: float | None = None
         self.standing = False
         self.told = not flies
+
+    @property
+    def idle(self) -> bool:
+        """Whether to stream no thrust: switched to OFFBOARD, PX4 would fly it until the switch is heard of."""
+        return self.standing and not self._takes_off
 
     def restart(self) -> None:
         """From here on the clock is another one."""

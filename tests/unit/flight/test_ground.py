@@ -51,3 +51,11 @@ def test_told_a_moment_before_the_mode_is_not_believed_either() -> None:
     assert ground.began_on(9.0, offboard=True), "where OFFBOARD began does not change while it lasts"
     assert not ground.began_on(9.1, offboard=False), "another mode, in the air"
     assert not ground.began_on(9.2, offboard=True)
+
+
+def test_no_thrust_where_it_stands_unless_it_is_to_take_off() -> None:
+    for takes_off in (False, True):
+        ground = Ground(flies=True, takes_off=takes_off)
+        ground.on_report(1.0, landed=True, offboard=False)
+        assert ground.standing
+        assert ground.idle is not takes_off
