@@ -13,13 +13,15 @@ _HEADER_BYTES: Final = 16
 
 
 class Log(Protocol):
-    """One log on the card: what it holds now, and when it was changed last; 0 for a vehicle that never knew."""
+    """One log on the card."""
 
     @property
-    def data(self) -> bytes: ...
+    def data(self) -> bytes:
+        """What it holds now."""
 
     @property
-    def time_utc_s(self) -> int: ...
+    def time_utc_s(self) -> int:
+        """When it was changed last; 0 where the vehicle never knew the time."""
 
 
 class LogFile(NamedTuple):
@@ -38,6 +40,7 @@ class GrowingLog:
 
     @property
     def data(self) -> bytes:
+        """As far as it has come."""
         size = _HEADER_BYTES + _GROWS_BYTES_S * (self._now_us() - self._began_us) // 1_000_000
         while len(self._data) < size:
             self._data += _message(len(self._data) // _MESSAGE_BYTES, 0, _MESSAGE_BYTES)
@@ -45,6 +48,7 @@ class GrowingLog:
 
     @property
     def time_utc_s(self) -> int:
+        """Now."""
         return (self._epoch_us + self._now_us()) // 1_000_000
 
 

@@ -19,7 +19,8 @@ MODE_LOOK_US: Final = 20_000  # how often a link looks for a change
 class SampledOdometry:
     """ODOMETRY of one link. Attribute: `due_us`, when `step` is to be called next.
 
-    Args: `sample` reads the estimate now; `build` makes a frame of a sequence number and what was read.
+    Args: `sample` reads the estimate now; `build` makes a frame of a sequence number and what was read; one
+    was asked for every `interval_us`, from `now_us` on.
     """
 
     def __init__(
