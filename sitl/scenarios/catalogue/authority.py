@@ -86,7 +86,7 @@ AUTHORITY: Final = (
         "the pilot switches a moment before a fault releases: the pilot keeps it",
         Reason.ESTIMATOR_JUMP,
         ((1.99, PilotTakes(FlightMode.POSCTL)), (2.0, FAULT)),
-        overrides=HOVER,
+        overrides=(*HOVER, "plant.telemetry=even"),  # PX4 tells the mode at once, and it would be no race
         ends_in=(FlightMode.POSCTL,),
         by_s=2.2,
         stays_within_m=2.0,
