@@ -39,7 +39,8 @@ AUTHORITY: Final = (
     _on_the_ground(
         name="on_ground_noisy",
         about="the same with the estimate of a GPS, which is never at rest",
-        overrides=(*HOVER, "plant.sensors={preset: gps}", "plant.telemetry=px4"),
+        overrides=(*HOVER, "plant.sensors={preset: gps}"),
+        own_clock=True,
         before=(PilotArms(FlightMode.OFFBOARD),),
     ),
     Scenario(
