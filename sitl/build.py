@@ -157,7 +157,7 @@ def build_world(config: Config, *, complete: bool = False) -> World:
     vehicle = build_vehicle(config)
     plant = config.plant
     assert plant is not None
-    autopilot = Autopilot(vehicle, plant_parameters(config))
+    autopilot = Autopilot(vehicle, plant_parameters(config), like_px4=plant.telemetry == "px4")
 
     def random(name: str) -> Random:
         return Random(f"{plant.seed} {name}")  # one each, so that one fault does not change another's luck

@@ -37,6 +37,7 @@ class Arguments(NamedTuple):
     certificate: Path | None
     uncertified: bool
     engage: bool
+    bench: bool
     hedging: bool | None
     out: Path
 
@@ -49,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--certificate", type=Path, metavar="FILE", help="default: beside the config, NAME.certificate.json"
     )
     parser.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
-    parser.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    beginning = parser.add_mutually_exclusive_group()
+    beginning.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    beginning.add_argument("--bench", action="store_true", help="propellers off: take control on the ground too")
     parser.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
     add_flight(parser)
 
@@ -62,6 +65,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.certificate,
         namespace.uncertified,
         namespace.engage,
+        namespace.bench,
         namespace.hedging,
         namespace.out,
     )
@@ -97,6 +101,7 @@ def run(arguments: Arguments) -> int:
                 recorder,
                 hedging=hedging,
                 engage=arguments.engage,
+                bench=arguments.bench,
                 warning=warning,
                 uncertified=arguments.uncertified,
                 tools=tools,

@@ -17,6 +17,7 @@ from companion.flight.guards.measures import Told
 from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
+from companion.flight.readiness.ground import Ground
 from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 from companion.flight.vehicle_link.link import Link, VehicleLink
@@ -49,6 +50,8 @@ class Session:
         hedging: bool,
         lockstep: bool,
         uncertified: bool = False,
+        engage: bool = False,
+        bench: bool = False,
         wall: Wall | None = None,
         print_line: Callable[[str], None],
     ) -> None:
@@ -64,6 +67,7 @@ class Session:
         self.pilot = Pilot(config, hedging=hedging)
         # In lockstep the vehicle is the plant, whose attitude loop is not made of its parameters.
         self.preflight = Preflight(config, self.pose, compare=not lockstep, uncertified=uncertified)
+        self.ground = Ground(flies=config.vehicle_kind.can_fly and not bench, takes_off=engage)
         self.estimator = EstimatorHealth()
         self.watch = Watch(config, self.limits)
         forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}

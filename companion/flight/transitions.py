@@ -10,7 +10,7 @@ from companion.flight.authority import states as authority
 from companion.flight.authority.states import Known, Reason, State
 from companion.flight.guards import estimator
 from companion.flight.session import Ending, Session, To
-from companion.flight.vehicle_link.messages import Heartbeat, ModeReport
+from companion.flight.vehicle_link.messages import Heartbeat, LandedState, ModeReport
 from companion.flight.vehicle_link.modes import BY_STICKS, Mode, mode_name
 from companion.flight.vehicle_link.requests import TellHeartbeat
 
@@ -34,7 +34,15 @@ class Changes:
     @property
     def handlers(self) -> dict[type, Callable[[Any], None]]:
         """Of the records that tell the mode: the pilot's switch counts before the next sample does."""
-        return {Heartbeat: self._on_heartbeat, ModeReport: self._on_mode_report}
+        return {
+            Heartbeat: self._on_heartbeat,
+            ModeReport: self._on_mode_report,
+            LandedState: self._on_landed_state,
+        }
+
+    def _on_landed_state(self, state: LandedState) -> None:
+        flight = self._flight
+        flight.ground.on_report(flight.clock.now_s, landed=state.landed, offboard=flight.link.mode == Mode.OFFBOARD)
 
     def _on_heartbeat(self, _: Heartbeat) -> None:
         self._flight.freshness.on_heartbeat(self._flight.clock.now_s)
@@ -72,6 +80,7 @@ class Changes:
         flight = self._flight
         now_s = self._checking_since_s = flight.clock.now_s
         flight.freshness.on_heartbeat(now_s)
+        flight.ground.restart()
         flight.preflight.begin(now_s)
 
     def decide(self) -> None:
@@ -116,14 +125,16 @@ class Changes:
             # Disarmed in stand-by nothing is flown by the pose. Once armed, its age counts before control begins.
             grounded = flight.state is State.STANDBY and not link.armed
             fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
+        offboard = link.mode == Mode.OFFBOARD
         return Known(
             link.connected,
             flight.preflight.passed and flight.hands_off is not None,
-            link.mode == Mode.OFFBOARD,
+            offboard,
             link.armed,
             fault,
             link.killed,
             flight.hands_off is not False,
+            flight.ground.began_on(flight.clock.now_s, offboard=offboard),
         )
 
     def _look_whose(self) -> None:
@@ -165,6 +176,8 @@ class Changes:
         if warning is not None:
             flight.announce("uncertified", f"UNCERTIFIED: {warning}", To.GROUND_STATION)
         lines = [*pinned.remarks(), *flight.blindness.settle(flight.told())]
+        if not flight.ground.told:
+            lines.append("the vehicle does not tell whether it is in the air: switch to OFFBOARD only there")
         if (flown := flight.pilot.manoeuvre) is not None:
             lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
         for line in lines:

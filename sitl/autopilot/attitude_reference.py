@@ -17,7 +17,7 @@ import math
 from typing import Final
 
 from sitl.autopilot.parameters import Parameters
-from sitl.vehicles.rotation import Quaternion, multiply, rotation
+from sitl.vehicles.rotation import UNCONTROLLED, Quaternion, multiply, rotation
 
 _GAINS: Final = ("MC_ROLL_P", "MC_PITCH_P", "MC_YAW_P")
 _LEAST_RAD_S: Final = 0.1
@@ -43,6 +43,9 @@ class AttitudeReference:
         return self._followed
 
     def _advance(self, wanted: Quaternion, dt_s: float) -> None:
+        if wanted is UNCONTROLLED:  # nothing to follow: the model begins anew at the next attitude
+            self._q_wxyz, self._rates_rad_s, self._followed = None, (0.0, 0.0, 0.0), wanted
+            return
         if self._q_wxyz is None or dt_s <= 0.0:
             self._q_wxyz = self._followed = wanted
             return

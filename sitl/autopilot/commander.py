@@ -17,6 +17,7 @@ from sitl.autopilot.parameters import ManualLossAction, OffboardLossAction, Para
 Notify = Callable[[Severity, str], None]
 
 KILL_DISARM_US: Final = 5_000_000
+STREAM_SLACK_US: Final = 40_000  # over COM_OF_LOSS_T: 1.0 Hz keeps OFFBOARD, 0.95 Hz does not
 
 _OFFBOARD_LOSS_MODE: dict[int, FlightMode] = {
     OffboardLossAction.POSITION: FlightMode.POSCTL,
@@ -72,10 +73,10 @@ class Commander:
     # --- what is possible -------------------------------------------------------------------------------------------
 
     def offboard_signal(self, now_us: int) -> bool:
-        """Whether the last set-point is younger than COM_OF_LOSS_T."""
+        """Whether the last set-point is younger than COM_OF_LOSS_T, as PX4 counts it."""
         if self._setpoint_at_us is None:
             return False
-        return now_us < self._setpoint_at_us + int(1e6 * self._parameters.number("COM_OF_LOSS_T"))
+        return now_us < self._setpoint_at_us + int(1e6 * self._parameters.number("COM_OF_LOSS_T")) + STREAM_SLACK_US
 
     def can_run(self, mode: FlightMode, now_us: int) -> bool:
         """Whether a mode has what it needs."""

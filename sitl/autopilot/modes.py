@@ -118,6 +118,15 @@ _STANDARD: Final = {
 }
 
 
+MAIN_MODES: Final = frozenset(main for main, _ in _MAIN_SUB.values())
+"""Main modes that there are."""
+
+
+def from_standard(standard: int) -> FlightMode | None:
+    """The mode that DO_SET_STANDARD_MODE names; `None` for one that the plant does not know."""
+    return next((mode for mode, number in _STANDARD.items() if number == standard), None)
+
+
 def custom_mode(mode: FlightMode) -> int:
     """HEARTBEAT.custom_mode of a mode: main mode in the third byte, sub mode in the fourth."""
     main, sub = _MAIN_SUB[mode]

@@ -119,6 +119,7 @@ _COMMON_DEFAULTS: Final[Mapping[str, int | float]] = {
     "MPC_LAND_ALT1": 10.0,
     "MPC_LAND_ALT2": 5.0,
     "MPC_LAND_SPEED": 0.7,
+    "MPC_MANTHR_MIN": 0.08,
     "MPC_THR_HOVER": 0.5,
     "MPC_THR_MAX": 1.0,
     "MPC_THR_MIN": 0.12,
@@ -161,12 +162,14 @@ class Parameters:
 
     Args: `overrides` by name, laid over the `PX4_DEFAULTS` of `version`. Raises `KeyError` for a name that is not a
     parameter of that version and `TypeError` for a float given to an int32 parameter.
+    Attributes: `version`; `changes`, how often one was set.
     """
 
     def __init__(
         self, overrides: Mapping[str, int | float] | None = None, version: Px4Version = Px4Version.V1_17
     ) -> None:
         self.version = version
+        self.changes = 0
         self._values: dict[str, int | float] = {}
         for name, value in PX4_DEFAULTS[version].items():
             self._values[name] = value if isinstance(value, int) else _as_float32(value)
@@ -198,6 +201,7 @@ class Parameters:
 
     def set(self, name: str, value: float) -> None:
         """Set one parameter, rounded to the wire's 32 bits. As PX4 does, no range is enforced."""
+        self.changes += 1
         if isinstance(self._values[name], int):
             if not isinstance(value, int):
                 raise TypeError(f"{name} is an int32 parameter, got {value!r}")
@@ -236,6 +240,7 @@ class Parameters:
             if wire_type != ParamType.REAL32:
                 return None
             (self._values[name],) = _F32.unpack(raw_value)
+        self.changes += 1
         return self.wire(name)
 
     def hash(self) -> int:

@@ -16,6 +16,7 @@ from sitl.autopilot import commands
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand
 from sitl.autopilot.parameters import Px4Version
+from sitl.messages.available_modes import available_modes
 from sitl.messages.streams import NEVER_US, Streams
 
 ANY: Final = 0
@@ -100,6 +101,8 @@ class Commands:
         if command.number == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if _number(command.p1) == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
                 return self._send_interval(command.p2)
+            if _number(command.p1) == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+                return self._send_modes(command.p2)
             return self._request(_number(command.p1))
         return self._request(_LEGACY_REQUESTS[command.number])
 
@@ -119,6 +122,12 @@ class Commands:
             mavlink.MAVLink_message_interval_message(message_id=max(number, 0) & 0xFFFF, interval_us=interval)
         )
         return Result.ACCEPTED
+
+    def _send_modes(self, index: float) -> Result:
+        modes = available_modes(index)
+        for mode in modes:
+            self._link.send(mode)
+        return Result.ACCEPTED if modes else Result.DENIED
 
     def _request(self, message_id: int) -> Result:
         frame = self._streams.request(message_id)

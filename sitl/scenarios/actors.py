@@ -40,6 +40,23 @@ class SticksMove(NamedTuple):
         run.autopilot.follow_mode()
 
 
+class PilotArms(NamedTuple):
+    """The pilot arms on the ground, as soon as it is in a mode."""
+
+    mode: FlightMode
+
+    def happen(self, run: ScenarioRun) -> None:
+        commander = run.autopilot.commander
+        armed = False
+
+        def arm(_: float) -> None:
+            nonlocal armed
+            if not armed and commander.mode is self.mode:
+                armed = commander.arm(run.autopilot.time_us)
+
+        run.each_step(arm)
+
+
 class PilotDisarms(NamedTuple):
     """The pilot disarms in the air."""
 

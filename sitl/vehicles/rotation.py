@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from math import asin, atan2, cos, sin, sqrt
+from math import asin, atan2, cos, nan, sin, sqrt
+from typing import Final
 
 Quaternion = tuple[float, float, float, float]
+
+UNCONTROLLED: Final[Quaternion] = (nan, nan, nan, nan)
+"""An attitude set-point that is none: nothing turns the vehicle, nothing stops it from turning."""
 
 
 def euler(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ from companion.mavlink.link import LinkError
 from companion.mavlink.log_client import fetch, list_logs, newest
 from companion.mavlink.log_protocol import LOG_DATA
 from companion.mavlink.services import Attachment, Firmware, Services
-from sitl.messages.log_download import LogFile, synthetic_log
+from sitl.messages.log_card import LogFile, synthetic_log
 from sitl.wire.ports import UdpEndpoint
 
 QUADROTOR = processes.ROOT / "config" / "paper_quadrotor.yaml"

@@ -169,6 +169,11 @@ class Reason(ReasonRow):
         "second_companion", Group.NEVER_BEGAN,
         "another companion is there, or somebody else streams to the vehicle: stop one of the two", "",
     )
+    ON_GROUND = (
+        "on_ground", Group.NEVER_BEGAN,
+        "switched to OFFBOARD on the ground: take off first and switch in the air, or start with --engage",
+        "it streams no thrust there; the vehicle says where it is by EXTENDED_SYS_STATE",
+    )
     ENGAGE_REFUSED = (
         "engage_refused", Group.NEVER_BEGAN,
         "the vehicle did not arm, take off or accept OFFBOARD", "PX4's own reason is at the ground station",

@@ -26,6 +26,9 @@ class Plant(VehiclePlants):
     """The PX4 that the autopilot behaves as. In 1.18 attitude set-points pass a reference model first (MC_REF_W_N)."""
     parameters: dict[str, int | float] = Field(default_factory=dict)
     """PX4 parameters by name, those that the plant has in that version. The others keep its defaults."""
+    telemetry: Literal["even", "px4"] = "even"
+    """When ODOMETRY and CURRENT_MODE come: `even`, at the rate asked for and without delay; `px4`, as PX4 v1.17 sends
+    them: of samples 8 ms apart, up to 5 ms late, CURRENT_MODE twice a second and when it changes, resets counted."""
     seed: int = 1
     """Of all that is random. The same seed gives the same flight."""
     mismatch: MismatchSection = MismatchSection()

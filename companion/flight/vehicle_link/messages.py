@@ -17,10 +17,12 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Layout
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
+EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
 AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
+_LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
 _VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
@@ -65,6 +67,12 @@ class EstimatorStatus(NamedTuple):
     flags: int  # see EstimatorFlag
 
 
+class LandedState(NamedTuple):
+    """EXTENDED_SYS_STATE, from a vehicle that knows."""
+
+    landed: bool
+
+
 class Parameter(NamedTuple):
     """PARAM_VALUE: one parameter as the vehicle stores it."""
 
@@ -105,6 +113,14 @@ def estimator_status(payload: bytes) -> EstimatorStatus:
     return EstimatorStatus(ESTIMATOR_STATUS.unpack(payload)[_FLAGS])
 
 
+def landed_state(payload: bytes) -> LandedState | None:
+    """An EXTENDED_SYS_STATE."""
+    state = EXTENDED_SYS_STATE.unpack(payload)[_LANDED_STATE]
+    if state == mavlink.MAV_LANDED_STATE_UNDEFINED:
+        return None
+    return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+
 def parameter(payload: bytes) -> Parameter | None:
     """A PARAM_VALUE; None for one of a type that PX4 does not have.
 
@@ -135,6 +151,7 @@ def answer(payload: bytes) -> Answer:
 
 ROWS: Final = (
     Row(ESTIMATOR_STATUS.message_id, estimator_status, 5.0),
+    Row(EXTENDED_SYS_STATE.message_id, landed_state),  # on every link of PX4 but `custom`
     Row(mavlink.MAVLINK_MSG_ID_PARAM_VALUE, parameter),
     Row(AUTOPILOT_VERSION.message_id, firmware),
     Row(COMMAND_ACK.message_id, answer),

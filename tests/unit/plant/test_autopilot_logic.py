@@ -316,7 +316,7 @@ def test_set_mode_is_answered_twice_and_only_the_second_counts() -> None:
 def test_an_old_setpoint_does_not_open_offboard() -> None:
     pilot = airborne(make_quadrotor())
     pilot.on_attitude_target(LEVEL, HOVER)
-    run(pilot, 1.0)
+    run(pilot, 1.1)
     assert execute(pilot, OFFBOARD)[-1] is Result.TEMPORARILY_REJECTED
 
 
@@ -328,7 +328,7 @@ def test_silence_holds_the_last_setpoint_then_returns() -> None:
     assert pilot.commander.mode is FlightMode.OFFBOARD
     assert pilot.setpoint.q_wxyz == pytest.approx(tilted)
     assert pilot.setpoint.thrust == HOVER
-    run(pilot, 0.1)
+    run(pilot, 0.2)
     assert pilot.commander.mode is FlightMode.RTL
     assert pilot.commander.user_mode is FlightMode.OFFBOARD
     assert pilot.commander.failsafe
@@ -414,7 +414,8 @@ def test_setpoints_are_not_validated() -> None:
     pilot.on_attitude_target((2.0, 0.0, 0.0, 0.0), 1.5)
     assert pilot.setpoint == (LEVEL, 1.0)
     pilot.on_attitude_target((math.nan, 0.0, 0.0, 0.0), HOVER)
-    assert pilot.setpoint == (LEVEL, 0.0), "motors told nothing finite stand still"
+    assert pilot.setpoint.thrust == HOVER
+    assert all(map(math.isnan, pilot.setpoint.q_wxyz)), "nothing controls the rotation"
     run(pilot, 0.9)
     assert pilot.commander.mode is FlightMode.OFFBOARD, "yet the stream counts as alive"
     assert all(map(math.isfinite, pilot.estimate().position_ned_m))
@@ -455,8 +456,7 @@ def test_termination_is_final() -> None:
 def test_commands_nobody_knows() -> None:
     pilot = make_quadrotor()
     assert execute(pilot, VehicleCommand(31999)) == (Result.UNSUPPORTED,)
-    assert execute(pilot, VehicleCommand(400, 7.0)) == (Result.UNSUPPORTED,)
-    assert execute(pilot, VehicleCommand(176, 1.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
+    assert execute(pilot, VehicleCommand(176, 1.0, 4.0, 99.0)) == (Result.ACCEPTED, Result.TEMPORARILY_REJECTED)
     assert execute(pilot, VehicleCommand(185, 1.0)) == (Result.DENIED,), "disarmed"
     assert execute(pilot, VehicleCommand(246, 1.0)) == (Result.DENIED,)
 
