@@ -16,7 +16,7 @@ from sitl.autopilot.attitude_gains import AttitudeGains
 from sitl.autopilot.attitude_reference import AttitudeReference
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.land_detector import LandDetector
-from sitl.autopilot.modes import AUTO_MODES, CUSTOM_MODE_ENABLED, STICK_MODES, FlightMode, LandedState, Severity
+from sitl.autopilot.modes import STICK_MODES, FlightMode, Severity
 from sitl.autopilot.navigator import Home, Navigator
 from sitl.autopilot.offboard import PositionFlight
 from sitl.autopilot.parameters import Parameters, Px4Version
@@ -209,36 +209,6 @@ class Autopilot:
     def truth(self) -> VehicleState:
         """The vehicle's true state, which it does not know."""
         return self.vehicle.state
-
-    @property
-    def landed_state(self) -> LandedState:
-        """EXTENDED_SYS_STATE.landed_state."""
-        if self.commander.landed:
-            return LandedState.ON_GROUND
-        if self.commander.mode is FlightMode.TAKEOFF:
-            return LandedState.TAKEOFF
-        return LandedState.LANDING if self.navigator.landing else LandedState.IN_AIR
-
-    @property
-    def base_mode(self) -> int:
-        """HEARTBEAT.base_mode (MAV_MODE_FLAG)."""
-        mode = self.commander.mode
-        flags = CUSTOM_MODE_ENABLED | (128 if self.commander.armed else 0)
-        if mode in AUTO_MODES:
-            return flags | 4 | 8 | 16
-        if mode in STICK_MODES:
-            return flags | 16 | 64
-        return flags | 16 if mode is FlightMode.OFFBOARD else flags
-
-    @property
-    def system_status(self) -> int:
-        """HEARTBEAT.system_status (MAV_STATE)."""
-        commander = self.commander
-        if commander.mode is FlightMode.TERMINATION or commander.killed:
-            return 8
-        if commander.armed:
-            return 5 if commander.failsafe else 4
-        return 3 if commander.can_arm(self.time_us) else 0
 
     # --- what it is told --------------------------------------------------------------------------------------------
 

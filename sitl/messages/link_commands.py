@@ -124,7 +124,7 @@ class Commands:
         return Result.ACCEPTED
 
     def _send_modes(self, index: float) -> Result:
-        modes = available_modes(index)
+        modes = available_modes(index, self._autopilot.parameters.version)
         for mode in modes:
             self._link.send(mode)
         return Result.ACCEPTED if modes else Result.DENIED

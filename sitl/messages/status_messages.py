@@ -12,6 +12,7 @@ from companion.control import attitude
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import ORIGIN, to_global
 from sitl.autopilot.modes import custom_mode
+from sitl.autopilot.status import base_mode, landed_state, system_status
 
 Build = Callable[[int], bytes]
 
@@ -82,9 +83,9 @@ class StatusMessages:
         message = mavlink.MAVLink_heartbeat_message(
             type=mavlink.MAV_TYPE_QUADROTOR,
             autopilot=mavlink.MAV_AUTOPILOT_PX4,
-            base_mode=autopilot.base_mode,
+            base_mode=base_mode(autopilot),
             custom_mode=custom_mode(autopilot.commander.mode),
-            system_status=autopilot.system_status,
+            system_status=system_status(autopilot),
             mavlink_version=3,
         )
         return self.pack(message, sequence)
@@ -211,7 +212,7 @@ class StatusMessages:
 
     def extended_sys_state(self, sequence: int) -> bytes:
         message = mavlink.MAVLink_extended_sys_state_message(
-            vtol_state=mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state=int(self._autopilot.landed_state)
+            vtol_state=mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state=int(landed_state(self._autopilot))
         )
         return self.pack(message, sequence)
 

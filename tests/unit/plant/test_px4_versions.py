@@ -20,7 +20,7 @@ from sitl.autopilot.parameters import PX4_DEFAULTS, ManualLossAction, OffboardLo
 from sitl.messages.services import Services
 from sitl.messages.streams import Profile, Streams
 from sitl.messages.telemetry import Telemetry
-from sitl.vehicles.rotation import euler, quaternion
+from sitl.vehicles.rotation import UNCONTROLLED, euler, quaternion
 from sitl.wire.memory import MemoryPort
 from sitl.wire.plant import FIXED_EPOCH_US, Plant
 
@@ -83,6 +83,8 @@ def test_each_version_has_its_parameters() -> None:
         (V1_17, 4, 19, (0, 1), FlightMode.HOLD),
         (V1_18, 4, 19, (0,), FlightMode.GUIDED_COURSE),
         (V1_18, 4, 20, (1,), FlightMode.HOLD),
+        (V1_17, 9, 0, (0, 0), FlightMode.HOLD),  # a main mode that there is not: nothing is done
+        (V1_18, 9, 0, (1,), FlightMode.HOLD),
     ],
 )
 def test_modes_and_how_often_they_are_answered(
@@ -121,6 +123,28 @@ def test_the_old_requests_are_gone(command: int) -> None:
     message = mavlink.MAVLink_command_long_message(1, 1, command, 0, 1, 0, 0, 0, 0, 0, 0)
     assert Link(autopilot(V1_18)).ask(message)[-1].result == Result.UNSUPPORTED  # type: ignore[attr-defined]
     assert Link(autopilot(V1_17)).ask(message)[-1].result != Result.UNSUPPORTED  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("version", "number", "guided", "cruise", "offboard"),
+    [(V1_17, 26, None, (8, 0), 11), (V1_18, 27, (8, 1), (9, 1), 12)],
+)
+def test_available_modes(
+    version: Px4Version,
+    number: int,
+    guided: tuple[int, int] | None,
+    cruise: tuple[int, int],
+    offboard: int,
+) -> None:
+    """Place in the list and MAV_MODE_PROPERTY, as v1.17.0 and v1.18.0-alpha1 answered."""
+    message = mavlink.MAVLink_command_long_message(1, 1, 512, 0, 435, 0, 0, 0, 0, 0, 0)
+    *modes, acknowledged = Link(autopilot(version)).ask(message)
+    assert acknowledged.result == Result.ACCEPTED  # type: ignore[attr-defined]
+    found = {m.mode_name: (m.mode_index, m.properties) for m in modes}  # type: ignore[attr-defined]
+    assert len(modes) == number
+    assert found.get("Guided Course") == guided
+    assert found["Altitude Cruise"] == cruise
+    assert found["Offboard"] == (offboard, 1)
 
 
 @pytest.mark.parametrize(("version", "minor"), [(V1_17, 17), (V1_18, 18)])
@@ -333,3 +357,11 @@ def test_the_model_stands_without_set_points() -> None:
     arrived = model.follow(quaternion(0.1, 0.0, 0.0), 1_900_000)
     assert euler(*arrived)[0] == pytest.approx(0.1, abs=1e-4)
     assert attitude.yaw(*arrived) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_attitude_that_is_no_number_does_not_stay_in_the_model() -> None:
+    model = AttitudeReference(Parameters(version=V1_18))
+    model.follow(LEVEL, 0)
+    assert model.follow(UNCONTROLLED, 20_000) is UNCONTROLLED
+    wanted = quaternion(0.1, 0.0, 0.0)
+    assert model.follow(wanted, 40_000) == wanted
