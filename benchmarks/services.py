@@ -32,7 +32,7 @@ from service_tools import CONFIG, TOOLS, Inside, tool
 import sitl.wire.server
 from companion.config import load_config
 from sitl.build import build_world
-from sitl.messages.log_download import synthetic_log
+from sitl.messages.log_card import synthetic_log
 from sitl.wire.ports import Endpoint, UdpEndpoint, UdpPort
 
 HERE = Path(__file__).resolve().parent

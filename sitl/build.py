@@ -15,7 +15,7 @@ from companion.config.plant import Plant
 from companion.config.plant.disturbances import DirectionSection, RadioSection, SensorsSection, WindSection
 from companion.config.vehicles import Angle, Cascade, QuadrotorPlant, RigPlant, VehicleName
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters
+from sitl.autopilot.parameters import PX4_DEFAULTS, Parameters, Px4Version
 from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams
@@ -132,17 +132,17 @@ class World(NamedTuple):
 def plant_parameters(config: Config) -> Parameters:
     """PX4's parameters as the config has them, the gains of its attitude response included. Raises `ConfigError`."""
     assert config.plant is not None  # the caller has checked
+    version = Px4Version(config.plant.px4_version)
+    defaults = PX4_DEFAULTS[version]
     ids = {"MAV_SYS_ID": config.vehicle.system_id, "MAV_COMP_ID": config.vehicle.component_id}
     identified = {
-        name: type(PX4_DEFAULTS[name])(value)
-        for name, value in config.vehicle.parameters.items()
-        if name in PX4_DEFAULTS
+        name: type(defaults[name])(value) for name, value in config.vehicle.parameters.items() if name in defaults
     }
     hover = {"MPC_THR_HOVER": config.vehicle.hover_thrust}
     try:
-        return Parameters({**hover, **identified, **config.plant.parameters, **ids})
+        return Parameters({**hover, **identified, **config.plant.parameters, **ids}, version)
     except KeyError as error:
-        raise ConfigError(f"plant.parameters: the plant has no parameter {error}") from None
+        raise ConfigError(f"plant.parameters: the plant, PX4 {version}, has no parameter {error}") from None
     except TypeError as error:
         raise ConfigError(f"plant.parameters: {error}") from None
     except (OverflowError, struct.error):
@@ -157,7 +157,7 @@ def build_world(config: Config, *, complete: bool = False) -> World:
     vehicle = build_vehicle(config)
     plant = config.plant
     assert plant is not None
-    autopilot = Autopilot(vehicle, plant_parameters(config))
+    autopilot = Autopilot(vehicle, plant_parameters(config), like_px4=plant.telemetry == "px4")
 
     def random(name: str) -> Random:
         return Random(f"{plant.seed} {name}")  # one each, so that one fault does not change another's luck

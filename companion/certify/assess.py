@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from decimal import Decimal
+from fractions import Fraction
 from functools import partial
 from typing import NamedTuple
 
@@ -19,9 +20,9 @@ from companion.certify.bandwidth import (
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
 from companion.certify.held import grows
-from companion.certify.piecewise.sector_proof import DELAY
+from companion.certify.piecewise.sector_proof import DELAY, TICK
 from companion.certify.problem import AxisProblem, Problem
-from companion.certify.proof import MAX_DEGREE
+from companion.certify.proof import MAX_DEGREE, longest_tick_s
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.statement import Json, problem_of
 from companion.processes import Processes
@@ -39,15 +40,15 @@ class AxisAssessment(NamedTuple):
     minimum_bandwidth
         Least certified bandwidth in rad/s by degree, each with its proof; empty with a delay, which no degree takes.
     minimum_bandwidth_by_rays
-        The same by rays, none being one quadratic function, with the true delay.
+        The same by rays, none being one quadratic function, with the true delay, in continuous time.
     unstable_below
         Largest bandwidth in rad/s found unstable, and the switching that shows it.
     delay_s
         The configured delay, upper end.
     maximum_delay
-        Largest certified delay in s.
+        Largest certified delay in s, at the slowest tick.
     fastest_reference
-        Largest certified natural frequency in rad/s.
+        Largest certified natural frequency in rad/s, at the slowest tick.
     attack
         Where there is no certificate, a switching that makes the tuned loop itself grow, with its delay as a Pade
         approximant of the highest order. None if none was found, or none can be.
@@ -163,7 +164,8 @@ def assess(
             twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
             if axis not in known:
                 share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
-                effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None)
+                tick_s = longest_tick_s(problem, name)
+                effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None, tick_s)
                 known[axis] = _assess_axis(axis, effort, twin, processes, share)
             axes[name] = known[axis]
     show(1.0, "done")
@@ -176,7 +178,7 @@ def to_json(assessment: Assessment) -> dict[str, object]:
         "certified": assessment.certified,
         "degree": assessment.degree,
         "sectors": assessment.rays,
-        "proof": {"delay": _delay_proof(assessment), "tick": None},
+        "proof": {"delay": _proof_of(assessment, "delay", DELAY), "tick": _proof_of(assessment, "tick", TICK)},
         "axes": {
             name: {
                 "tuned_bandwidth_rad_s": float(axis.tuned_bandwidth_rad_s),
@@ -189,6 +191,7 @@ def to_json(assessment: Assessment) -> dict[str, object]:
             for name, axis in assessment.axes.items()
         },
         "delay_interval_s": delay_intervals(assessment),
+        "tick_hz_certified": slowest_ticks_hz(assessment),
         "adaptation_rate_limit": min((limit for _, limit in assessment.adaptation_rates.values()), default=None),
     }
 
@@ -201,6 +204,7 @@ class _Effort(NamedTuple):
     all_methods: bool
     fastest: bool
     attack: bool
+    tick_s: Fraction
 
 
 def _long(axis: AxisProblem) -> bool:
@@ -218,8 +222,8 @@ def _assess_axis(
     tuned = tuned_bandwidth(axis.response)
     most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
     counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
-    fastest = processes.call(fastest_reference, axis, counts) if effort.fastest else None
-    delay = processes.call(largest_delay, axis, counts)
+    fastest = processes.call(fastest_reference, axis, counts, effort.tick_s) if effort.fastest else None
+    delay = processes.call(largest_delay, axis, counts, effort.tick_s)
     show(0.0, "needed bandwidth, quadratic")
     by_rays: dict[int, Certified | None] = {count: None for count in RAYS if count <= effort.max_rays}
     by_rays[0] = minimum_bandwidth_by_rays(axis, 0) if twin is None else twin.minimum_bandwidth_by_rays[0]
@@ -302,10 +306,18 @@ def _needed(certificate: Mapping[str, Json]) -> tuple[list[int], list[int]]:
     return degrees, rays
 
 
-def _delay_proof(assessment: Assessment) -> str | None:
-    """How the certificate takes a delay; None where there is none."""
+def _proof_of(assessment: Assessment, what: str, by: str) -> str | None:
+    """How the certificate takes the delay or the tick; None where it does not."""
     proofs = [] if assessment.certificate is None else list(_proofs(assessment.certificate))
-    return DELAY if any(proof.get("delay") == DELAY for proof in proofs) else None
+    return by if any(proof.get(what) == by for proof in proofs) else None
+
+
+def slowest_ticks_hz(assessment: Assessment) -> dict[str, float] | None:
+    """The slowest tick that is proven, by axis; None without a certificate, or where it says nothing of the tick."""
+    if assessment.certificate is None or _proof_of(assessment, "tick", TICK) is None:
+        return None
+    stated = problem_of(assessment.certificate["problem"])
+    return {name: float(1 / longest_tick_s(stated, name)) for name in stated.axes if longest_tick_s(stated, name)}
 
 
 def delay_intervals(assessment: Assessment) -> dict[str, list[float]] | None:

@@ -1,4 +1,4 @@
-"""What a certificate takes for granted and flight can watch, each with its limits. Standard library only."""
+"""What a certificate takes for granted, each with its limits. Flight watches all but one. Standard library only."""
 
 from decimal import Decimal
 
@@ -15,7 +15,9 @@ def assumptions(problem: Problem) -> list[dict[str, Json]]:
     -------
     list of dict
         `quantity`, `axis`, `minimum`, `maximum` (decimal strings, or None where there is no limit) and `unit`. The
-        position is that of the regressor, from the anchor. A transfer function and the Pade order cannot be watched
+        position is that of the regressor, from the anchor. `regressor_rate` is zero: the adaptation rate is checked for
+        regressors that stand still, and nobody watches that; what grows where they do not ends with weights on their
+        bounds, which flight watches. A transfer function and the Pade order cannot be watched
         as numbers and are not listed.
     """
     result = []
@@ -23,6 +25,7 @@ def assumptions(problem: Problem) -> list[dict[str, Json]]:
         result.append(_limit("tick_rate", name, sampling.tick_rate_hz, None, "Hz"))
         result.append(_limit("position", name, None, sampling.position_m, "m"))
         result.append(_limit("velocity", name, None, sampling.velocity_m_s, "m/s"))
+        result.append(_limit("regressor_rate", name, Decimal(0), Decimal(0), "1/s"))
     for name, axis in problem.axes.items():
         result += _axis_assumptions(name, axis)
     return result

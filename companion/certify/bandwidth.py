@@ -1,6 +1,8 @@
 """How far a certificate reaches: least bandwidth by degree, largest delay, fastest reference model.
 
-Every figure is a bisection whose verdicts are exact proofs: what is reported was proven at exactly that number.
+Every figure is a bisection in floating point; what is reported was then proven at exactly that number. The bandwidth
+needed is that of the theorem in continuous time, as the paper has it; delay and reference model are those that fly,
+held over the tick: they are searched without the hold, which is quick, and then from there downwards with it.
 """
 
 import math
@@ -14,15 +16,18 @@ import numpy as np
 
 from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import PLACES, ceiling
+from companion.attitude_response.realisation import ZERO
 from companion.attitude_response.response import AttitudeResponse
 from companion.certify.certificate import AnyProof, Scaling, prove
 from companion.certify.closed_loop import axis_channel, axis_vertices
-from companion.certify.piecewise.sector_proof import SectorProof
-from companion.certify.piecewise.sector_solver import prove_by_sectors
+from companion.certify.piecewise.hold import TooSlowError
+from companion.certify.piecewise.sector_search import Active, believed
 from companion.certify.problem import AxisProblem
 
 TOLERANCE = 5e-4  # relative, of every bisection
+HELD_TOLERANCE = 1e-3  # likewise, of those with the hold
 REACH = 32.0  # how many times the tuned value is searched before giving up
+_HOLD_SHARE = 0.015  # of a value, which the hold is first thought to cost
 DELAY_PLACES = Decimal("0.00001")  # s
 
 
@@ -31,6 +36,16 @@ class Certified(NamedTuple):
 
     value: Decimal
     proof: AnyProof
+
+
+class Found(NamedTuple):
+    """A number at which floating point sees a proof, and what makes it exact, or None."""
+
+    value: Decimal
+    prove: Callable[[], AnyProof | None]
+
+
+Attempt = Callable[[float], Found | None]
 
 
 def tuned_bandwidth(response: AttitudeResponse) -> Decimal:
@@ -79,7 +94,7 @@ def with_natural_frequency(problem: AxisProblem, natural_frequency_rad_s: Decima
 def minimum_bandwidth(
     problem: AxisProblem, degree: int, above: float = 0.0, below: float | None = None
 ) -> Certified | None:
-    """The least bandwidth that the degree certifies, for an axis without a delay.
+    """The least bandwidth that the degree certifies in continuous time, for an axis without a delay.
 
     Parameters
     ----------
@@ -107,85 +122,93 @@ def minimum_bandwidth(
     start = float(tuned_bandwidth(problem.response)) if below is None else below
     scaling = Scaling(axis_vertices(with_bandwidth(problem, ceiling(Decimal(start), PLACES))))
 
-    def attempt(value: float) -> Certified | None:
+    def attempt(value: float) -> Found | None:
         bandwidth = ceiling(Decimal(value), PLACES)
         proof = prove(axis_vertices(with_bandwidth(problem, bandwidth)), degree, scaling)
-        return None if proof is None else Certified(bandwidth, proof)
+        return None if proof is None else Found(bandwidth, lambda: proof)
 
-    return _boundary(attempt, start, above)
-
-
-def prove_axis(problem: AxisProblem, count: int) -> SectorProof | None:
-    """An axis with its true delay, by so many rays."""
-    try:
-        return prove_by_sectors(axis_channel(problem), count, float(problem.natural_frequency_rad_s))
-    except np.linalg.LinAlgError:  # numbers too far apart for floating point: no candidate, no proof
-        return None
+    return _certified(_boundary(attempt, start, above))
 
 
 def minimum_bandwidth_by_rays(
     problem: AxisProblem, count: int, above: float = 0.0, below: float | None = None
 ) -> Certified | None:
-    """The least bandwidth that so many rays certify, with the true delay; as `minimum_bandwidth`."""
+    """The least bandwidth that so many rays certify in continuous time, with the true delay; as `minimum_bandwidth`."""
     start = float(tuned_bandwidth(problem.response)) if below is None else below
+    active = Active()
 
-    def attempt(value: float) -> Certified | None:
+    def attempt(value: float) -> Found | None:
         bandwidth = ceiling(Decimal(value), PLACES)
-        proof = prove_axis(with_bandwidth(problem, bandwidth), count)
-        return None if proof is None else Certified(bandwidth, proof)
+        return _found(bandwidth, with_bandwidth(problem, bandwidth), count, ZERO, active)
 
-    return _boundary(attempt, start, above)
+    return _certified(_boundary(attempt, start, above))
 
 
-def largest_delay(problem: AxisProblem, counts: Sequence[int]) -> Certified | None:
+def largest_delay(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction = ZERO) -> Certified | None:
     """The largest true delay in s that one of the counts of rays certifies, the rest as tuned; None if not even zero.
 
-    From the configured interval the upper end moves.
+    From the configured interval the upper end moves. `tick_s`: the longest tick in s.
     """
     period = 2 * math.pi / float(problem.natural_frequency_rad_s)
-    best: Certified | None = None
-    for count in counts:
 
-        def attempt(value: float, count: int = count) -> Certified | None:
-            delay = Decimal(value).quantize(DELAY_PLACES, ROUND_FLOOR)
-            proof = prove_axis(with_delay(problem, delay), count)
-            return None if proof is None else Certified(delay, proof)
+    def at(value: float) -> tuple[Decimal, AxisProblem]:
+        delay = Decimal(value).quantize(DELAY_PLACES, ROUND_FLOOR)
+        return delay, with_delay(problem, delay)
 
-        best = _largest(attempt, float(best.value) if best else 0.0, 0.99 * period, best)
-    return best
+    return _largest(at, counts, 0.0, (0.0, 0.99 * period), tick_s)
 
 
-def fastest_reference(problem: AxisProblem, counts: Sequence[int]) -> Certified | None:
+def fastest_reference(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction = ZERO) -> Certified | None:
     """The largest natural frequency in rad/s that one of the counts of rays certifies.
 
     Damping ratio and attitude response stay, the bounds keep their proportion to the nominal weights. None if nothing
-    above a hundredth of the configured one is certified."""
+    above a hundredth of the configured one is certified. `tick_s`: the longest tick in s."""
     configured = float(problem.natural_frequency_rad_s)
     slowest_delay = float(problem.response.delay_s.upper)
     limit = min(REACH * configured, 0.99 * 2 * math.pi / slowest_delay if slowest_delay else math.inf)
-    best: Certified | None = None
-    for count in counts:
 
-        def attempt(value: float, count: int = count) -> Certified | None:
-            frequency = Decimal(value).quantize(PLACES, ROUND_FLOOR)
-            proof = prove_axis(with_natural_frequency(problem, frequency), count)
-            return None if proof is None else Certified(frequency, proof)
+    def at(value: float) -> tuple[Decimal, AxisProblem]:
+        frequency = Decimal(value).quantize(PLACES, ROUND_FLOOR)
+        return frequency, with_natural_frequency(problem, frequency)
 
-        best = _largest(attempt, float(best.value) if best else 0.01 * configured, limit, best)
-    return best
+    return _largest(at, counts, configured, (0.01 * configured, limit), tick_s)
 
 
-def _boundary(attempt: Callable[[float], Certified | None], start: float, above: float) -> Certified | None:
-    """Least value that succeeds, by doubling and bisection from `start`; values up to `above` are known to fail."""
-    good, high = attempt(start), start
-    while good is None:
+def _found(value: Decimal, problem: AxisProblem, count: int, tick_s: Fraction, active: Active) -> Found | None:
+    """What floating point says of an axis with so many rays."""
+    try:
+        channel = axis_channel(problem, tick_s)
+        candidate = believed(channel, count, float(problem.natural_frequency_rad_s), active)
+    except (
+        np.linalg.LinAlgError,
+        TooSlowError,
+    ):  # numbers too far apart for floating point, or too slow a tick: no proof
+        return None
+    return None if candidate is None else Found(value, candidate.proven)
+
+
+def _certified(found: Sequence[Found]) -> Certified | None:
+    """The last of a search that is proven."""
+    for value, prove_it in reversed(found):
+        proof = prove_it()
+        if proof is not None:
+            return Certified(value, proof)
+    return None
+
+
+def _boundary(attempt: Attempt, start: float, above: float) -> list[Found]:
+    """Falling values that succeed, by doubling and bisection from `start`; values up to `above` are known to fail."""
+    first, high = attempt(start), start
+    while first is None:
         above, high = high, 1.5 * high
         if high > REACH * start:
-            return None
-        good = attempt(high)
+            return []
+        first = attempt(high)
+    good = [first]
     low = max(above, 0.8 * high)
     while low > above and (better := attempt(low)) is not None:
-        good, high, low = better, low, max(above, 0.8 * low)
+        good.append(better)
+        high, low = low, max(above, 0.8 * low)
         if high < start / 1000:
             return good
     while high - low > TOLERANCE * high:
@@ -194,26 +217,77 @@ def _boundary(attempt: Callable[[float], Certified | None], start: float, above:
         if better is None:
             low = middle
         else:
-            good, high = better, middle
+            good.append(better)
+            high = middle
     return good
 
 
 def _largest(
-    attempt: Callable[[float], Certified | None], low: float, high: float, known: Certified | None
+    at: Callable[[float], tuple[Decimal, AxisProblem]],
+    counts: Sequence[int],
+    start: float,
+    limits: tuple[float, float],
+    tick_s: Fraction,
 ) -> Certified | None:
-    """Largest value that succeeds between `low`, where `known` holds if given, and `high`."""
-    good = known or attempt(low)
-    if good is None:
-        return None
+    """The largest value within the limits that is proven by one of the counts; the search begins at `start`."""
+    low, high = limits
+    found: list[Found] = []
+    for count in counts:
+        attempt = _attempt(at, count, ZERO)
+        found += _rise(attempt, float(found[-1].value), high) if found else _first(attempt, start, low, high)
+    if not found or not tick_s:
+        return _certified(found)
+    # With the hold a little less is left: from there down in growing steps, then between the last two.
+    attempt, top = _attempt(at, counts[-1], tick_s), float(found[-1].value)
+    share = _HOLD_SHARE
+    while top > low:
+        bottom = max(top * (1 - share), low)
+        lower = attempt(bottom)
+        if lower is not None:
+            return _certified([lower, *_between(attempt, bottom, top, HELD_TOLERANCE)])
+        top, share = bottom, min(2 * share, 0.5)
+    return None
+
+
+def _attempt(at: Callable[[float], tuple[Decimal, AxisProblem]], count: int, tick_s: Fraction) -> Attempt:
+    active = Active()
+
+    def attempt(value: float) -> Found | None:
+        number, problem = at(value)
+        return _found(number, problem, count, tick_s, active)
+
+    return attempt
+
+
+def _first(attempt: Attempt, start: float, low: float, high: float) -> list[Found]:
+    """Rising values that succeed, from `start` up or, where that does not, below it."""
+    value, top = start, high
+    while (first := attempt(value)) is None:
+        if value <= low:
+            return []
+        value, top = max(0.7 * value, low), value
+    return [first, *(_rise(attempt, value, high) if value == start else _between(attempt, value, top))]
+
+
+def _rise(attempt: Attempt, low: float, high: float) -> list[Found]:
+    """Rising values that succeed between `low`, which does, and `high`."""
+    good: list[Found] = []
     step = max(0.1 * low, 0.01 * high)
     while low + step < high and (better := attempt(low + step)) is not None:
-        good, low, step = better, low + step, 2 * step
-    high = min(high, low + step)
-    while high - low > TOLERANCE * high:
+        good.append(better)
+        low, step = low + step, 2 * step
+    return good + _between(attempt, low, min(high, low + step))
+
+
+def _between(attempt: Attempt, low: float, high: float, tolerance: float = TOLERANCE) -> list[Found]:
+    """Rising values that succeed, by bisection: `low` does, `high` does not."""
+    good: list[Found] = []
+    while high - low > tolerance * high:
         middle = (low + high) / 2
         better = attempt(middle)
         if better is None:
             high = middle
         else:
-            good, low = better, middle
+            good.append(better)
+            low = middle
     return good

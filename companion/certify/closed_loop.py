@@ -16,6 +16,7 @@ from fractions import Fraction
 from companion.attitude_response.exact import ends
 from companion.attitude_response.realisation import ONE, ZERO, Matrix, Row, StateSpace
 from companion.attitude_response.response import corners
+from companion.certify.piecewise.hold import Reference, held
 from companion.certify.piecewise.sectors import Channel, Loop
 from companion.certify.problem import AxisProblem
 
@@ -46,27 +47,14 @@ def switching_vertices(problem: AxisProblem) -> list[list[Matrix]]:
     return [[_closed_loop(problem, weights, actuator) for weights in bounds] for actuator in corners(problem.response)]
 
 
-def joint_vertices(x: AxisProblem, y: AxisProblem) -> list[Matrix]:
-    """Closed-loop matrices of both axes together at all corners, with the yaw free to turn.
+def _joint(x: AxisProblem, y: AxisProblem) -> list[Matrix]:
+    """Matrices of both axes at all corners with the yaw free: each state of an axis twice, for x and y in turn.
 
     Turning the vehicle by psi turns the attitude response seen by the two position axes: each coefficient pair (a_x,
     a_y) becomes `mean I + half difference S`, `S = [[cos 2 psi, sin 2 psi], [sin 2 psi, -cos 2 psi]]`. The corners of
     `YAW_OCTAGON` cover every psi, moving or not, as long as the thrust direction does not turn along with the yaw.
-
-    Returns
-    -------
-    list of (2 n, 2 n) Matrix
-        Each state of `axis_vertices` twice, for x and y in turn.
-
-    Raises
-    ------
-    ValueError
-        If the attitude responses of the two axes have different order.
     """
-    return _joint(x, y, list(itertools.product(corners(x.response), corners(y.response))))
-
-
-def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSpace]]) -> list[Matrix]:
+    pairs = list(itertools.product(x.response.dynamics.corners(), y.response.dynamics.corners()))
     if len(pairs[0][0].b) != len(pairs[0][1].b):
         raise ValueError("a free yaw needs attitude responses of the same order on both axes")
     bounds = list(itertools.product(weight_corners(x), weight_corners(y)))
@@ -75,8 +63,20 @@ def _joint(x: AxisProblem, y: AxisProblem, pairs: list[tuple[StateSpace, StateSp
     )
 
 
-def axis_channel(problem: AxisProblem) -> Channel:
-    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response."""
+def axis_channel(problem: AxisProblem, tick_s: Fraction = ZERO) -> Channel:
+    """One axis with its true delay: the inlet of its corners is the acceleration, g times the delayed response.
+
+    `tick_s`: the longest tick over which its command is held, zero for none. Raises `ValueError` where it is too slow,
+    or where the kind of response does not allow for one (`hold`).
+    """
+    if tick_s:
+        stiffness, damping, g = _reference(problem)
+        ends_ = [
+            (Fraction(low), Fraction(high))
+            for low, high in zip(problem.weights_lower, problem.weights_upper, strict=True)
+        ]
+        reference = Reference(stiffness, damping, g, (ends_[0], ends_[1]))
+        return held(reference, problem.response.dynamics.corners(), tuple(ends(problem.response.delay_s)), tick_s)
     corners_ = tuple(
         tuple(_loop(_closed_loop(problem, weights, actuator), 1) for weights in _all_weights(problem))
         for actuator in problem.response.dynamics.corners()
@@ -94,9 +94,7 @@ def joint_channel(x: AxisProblem, y: AxisProblem) -> Channel:
     ValueError
         If the attitude responses have different order.
     """
-    responses = (x.response.dynamics.corners(), y.response.dynamics.corners())
-    vertices = _joint(x, y, list(itertools.product(*responses)))
-    loops = [_loop(vertex, 2) for vertex in vertices]
+    loops = [_loop(vertex, 2) for vertex in _joint(x, y)]
     if x.response.delay_s.upper and len({loop.c for loop in loops}) > 1:
         raise ValueError(
             "a free yaw with a delay needs responses of first or second order"

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from companion.attitude_response.exact import Interval
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
+from companion.certify.proof import longest_tick_s
 from companion.certify.sampled import largest_adaptation_rate
 from companion.certify.velocity_error import SAMPLED_SHARE, Adaptation, choose, two_figures
 from companion.config.estimator import VelocityError
@@ -92,7 +93,7 @@ def design(
     for index, (name, axis) in enumerate(slowed.items()):
         progress(0.8 * index / len(slowed), f"axis {name}: fastest reference model")
         if axis not in known:
-            found = fastest_reference(axis, counts)
+            found = fastest_reference(axis, counts, longest_tick_s(problem, name))
             if found is None:
                 return None
             known[axis] = found.value

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from companion.attitude_response.realisation import Matrix
+from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
 from companion.certify.exact.elimination import positive_definite
@@ -30,9 +31,9 @@ from companion.certify.piecewise.sectors import Channel, delayed, whole
 from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
 from companion.certify.sampled import largest_adaptation_rate
-from companion.certify.statement import digest, problem_of
+from companion.certify.statement import covers, digest, problem_of
 
-SCHEMA = 1
+SCHEMA = 2  # 1 took the loop as continuous in time
 MAX_DEGREE = 16
 MAX_FILE_BYTES = 4_000_000
 MAX_SIZE = 130  # of the lifted matrices: bounds the time a malformed file can take
@@ -100,7 +101,7 @@ def load(path: Path | str) -> tuple[dict[str, object], str]:
 
 
 def verify(certificate: Mapping[str, object], problem: Mapping[str, object] | None = None) -> Verdict:
-    """Verify a certificate, and that it speaks of this very problem.
+    """Verify a certificate, and that it speaks of this very problem, or of it with a delay where it has none.
 
     Parameters
     ----------
@@ -124,12 +125,14 @@ def _verify(certificate: Mapping[str, object], problem: Mapping[str, object] | N
     if not isinstance(certificate, Mapping) or set(certificate) != KEYS:
         return Verdict(False, "certificate is malformed: not the keys of a certificate")
     if certificate["schema"] != SCHEMA or isinstance(certificate["schema"], bool):
-        return Verdict(False, f"certificate schema {certificate['schema']} is not {SCHEMA}")
+        return Verdict(
+            False, f"certificate schema {certificate['schema']} is not {SCHEMA}: run `companion check` again"
+        )
     if certificate["sha256"] != digest({key: value for key, value in certificate.items() if key != "sha256"}):
         return Verdict(False, "certificate was changed: its digest does not match")
     if certificate["problem_sha256"] != digest(certificate["problem"]):
         return Verdict(False, "certificate was changed: the digest of its problem does not match")
-    if problem is not None and digest(problem) != certificate["problem_sha256"]:
+    if problem is not None and not covers(certificate["problem"], problem):
         return Verdict(False, "certificate is of another config")
 
     stated = problem_of(certificate["problem"])
@@ -165,15 +168,19 @@ def _checked(stated: object, channel: Channel) -> tuple[str, str]:
     proof = _proof_of(stated)
     if delayed(channel):
         return "", "it takes the delay as an approximant, which is no delay: run `companion check` again"
+    if channel.held:
+        return "", "it takes the loop as continuous, without its tick: run `companion check` again"
     return f"degree {proof.degree}", check(proof, channel_vertices(channel))
 
 
 def described(rays: int, channel: Channel) -> str:
     """A proof by sectors in words."""
     by = f"{rays} sectors" if rays else "a quadratic function"
+    if channel.held:
+        by += f", for ticks of at most {float(1000 * channel.tick_s):g} ms"
     if not delayed(channel):
         return by
-    return f"{by} for every constant delay of {_milliseconds(channel.delays_s)} ms"
+    return f"{by}{' and' if channel.held else ' for'} every constant delay of {_milliseconds(channel.delays_s)} ms"
 
 
 def _milliseconds(ends: tuple[Fraction, ...]) -> str:
@@ -181,11 +188,29 @@ def _milliseconds(ends: tuple[Fraction, ...]) -> str:
 
 
 def channels(problem: Problem) -> dict[str, Channel]:
-    """Everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free."""
+    """Everything that needs a proof of its own: each axis, or both as "joint" if the yaw is free.
+
+    An axis is held over its slowest tick where the problem states one; both together are not.
+
+    Raises
+    ------
+    TooSlowError
+        If nothing can be said of a loop that is held for so long.
+    """
     if problem.yaw_free:
         x, y = problem.axes.values()
         return {JOINT: joint_channel(x, y)}
-    return {name: axis_channel(axis) for name, axis in problem.axes.items()}
+    return {name: axis_channel(axis, longest_tick_s(problem, name)) for name, axis in problem.axes.items()}
+
+
+def longest_tick_s(problem: Problem, axis: str) -> Fraction:
+    """The longest tick of an axis in s; zero where the problem states none, or where it is not proven.
+
+    It is not for a turning yaw, and not for a transfer function of first order, whose slope is not affine in it.
+    """
+    sampling, dynamics = problem.sampling.get(axis), problem.axes[axis].response.dynamics
+    bent = isinstance(dynamics, TransferFunction) and len(dynamics.denominator) == 2
+    return Fraction(0) if sampling is None or problem.yaw_free or bent else 1 / Fraction(sampling.tick_rate_hz)
 
 
 def channel_vertices(channel: Channel) -> list[Matrix]:

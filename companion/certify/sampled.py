@@ -9,9 +9,14 @@ without one it is zero. Between ticks s is constant, so e moves exactly by `e <-
 `Gamma` the integral of `exp(A_r t) B`; at a tick the explicit step adds `dt` times s' to s. Both orders of a tick are
 checked, the command from the weights before and after their step. The regressor enters through the strength `gamma
 |x|^2 + gamma_b` alone and the characteristic polynomial is affine in it, so the first loss of stability is found in
-closed form (Jury) and covers every smaller regressor. It is a condition for each regressor held still, not a proof for
-all that move. The stricter of the two orders of a tick counts: what flies uses the weights it has just updated and
-would bear more.
+closed form (Jury) and covers every smaller regressor. The stricter of the two orders of a tick counts: what flies uses
+the weights it has just updated and would bear more.
+
+What is proven: the error dynamics are stable for each regressor of the envelope that stands still. Regressors that move
+are not covered: near the tick rate some make the error grow, slowly, until the projection stops the weights at their
+bounds, where `guards.weights_on_bound` sees them. Position and velocity are taken at their largest together, since
+`guards.envelope` watches each by itself: a vehicle may be at the corner of that box, and an ellipse inside it would be
+watched by nobody.
 
 Standard library only, on the discretisation and the Lyapunov solution that fly: `companion run` checks it too."""
 

@@ -3,12 +3,13 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from decimal import Context, Decimal
 
-from companion.attitude_response.exact import Interval, decimal
+from companion.attitude_response.exact import NO_DELAY, Interval, decimal
 from companion.attitude_response.kind import Value
 from companion.attitude_response.kinds import KINDS
-from companion.attitude_response.response import AttitudeResponse
+from companion.attitude_response.response import SHORTEST_DELAY_S, AttitudeResponse
 from companion.certify.problem import AxisProblem, Problem, Sampling
 
 EXACT = Context(prec=300)
@@ -43,6 +44,27 @@ def problem_of(stated: object) -> Problem:
         yaw_free,
         {str(name): _sampling_of(item) for name, item in sampling.items()},
     )
+
+
+def covers(stated: object, wanted: object) -> bool:
+    """Whether a proof of one statement holds for a flight of another: the same, or with a delay where that has none.
+
+    A config of no delay is flown over a link that has one; its certificate may count it, from `SHORTEST_DELAY_S` on.
+
+    Raises
+    ------
+    ValueError
+        As `problem_of`.
+    """
+    if digest(stated) == digest(wanted):
+        return True
+    proven, flown = problem_of(stated), problem_of(wanted)
+    axes = dict(flown.axes)
+    for name, axis in axes.items():
+        delay = proven.axes[name].response.delay_s if name in proven.axes else NO_DELAY
+        if axis.response.delay_s == NO_DELAY and delay.lower == SHORTEST_DELAY_S:
+            axes[name] = replace(axis, response=replace(axis.response, delay_s=delay))
+    return proven == replace(flown, axes=axes)
 
 
 def decimal_text(number: Decimal) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,14 +16,16 @@ from rich.table import Table
 
 from companion.certify import proof
 from companion.certify.from_config import problem
-from companion.certify.problem import Problem
+from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
 from companion.commands.options import ConfigFile, add_config, add_json, config_file
 from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
     from companion.certify.assess import Assessment, AxisAssessment
+    from companion.certify.second_opinion import Opinions
 
+PICTURES = (".png", ".svg", ".pdf")
 ANGLES = {"x": "pitch", "y": "roll"}
 
 
@@ -37,13 +40,20 @@ class Arguments(NamedTuple):
     out: Path | None
     verify: Path | None
     plot: Path | None
+    second_opinion: bool
     json: bool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion check`."""
     add_config(parser)
-    parser.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")
+    effort = parser.add_mutually_exclusive_group()
+    effort.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")
+    effort.add_argument(
+        "--second-opinion",
+        action="store_true",
+        help="also the needed bandwidth by cvxpy and SCS, as the paper states it, without delay",
+    )
     parser.add_argument(
         "--sectors",
         type=int,
@@ -74,6 +84,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.out,
         namespace.verify,
         namespace.plot,
+        namespace.second_opinion,
         namespace.json,
     )
 
@@ -83,6 +94,7 @@ def run(arguments: Arguments) -> int:
     stated = problem(arguments.config.load())
     if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    _refuse_what_does_not_go_together(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, stated, as_json=arguments.json)
     from companion.certify.assess import to_json, verdict_of  # noqa: PLC0415
@@ -90,22 +102,45 @@ def run(arguments: Arguments) -> int:
     console = Console(stderr=arguments.json)
     assessment = verdict_of(stated, arguments.degree, arguments.sectors)
     if arguments.out is not None:
-        _write(assessment, arguments.out)
+        _write(assessment.certificate if assessment.certified else None, arguments.out)
     if assessment.certified:
         console.print(verdict(assessment))
         if arguments.out is not None:
             console.print(f"certificate: {arguments.out}")
     if not arguments.quick:
         assessment = _assess(stated, assessment, arguments, console)
+    if arguments.out is not None and assessment.certified:
+        _write_for_a_link(stated, assessment, arguments, console)
     if arguments.plot is not None:
         _plot(stated, arguments.plot, console)
+    opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
     if arguments.json:
-        print(json.dumps(to_json(assessment)))
+        told = {"second_opinion": {name: opinion._asdict() for name, opinion in opinions.items()}} if opinions else {}
+        print(json.dumps(to_json(assessment) | told))
     for name, axis in assessment.axes.items():
-        console.print(_table(name, axis, assessment))
+        console.print(_table(name, axis, assessment, opinions.get(name)))
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1
+
+
+def _refuse_what_does_not_go_together(arguments: Arguments) -> None:
+    """At once, and not after half a minute of work. Raises `ConfigError`."""
+    further = {
+        "--out": arguments.out,
+        "--plot": arguments.plot,
+        "--all-degrees": arguments.all_degrees,
+        "--second-opinion": arguments.second_opinion,
+    }
+    if arguments.verify is not None and (given := [option for option, value in further.items() if value]):
+        raise ConfigError(f"--verify: it only verifies, leave out {' and '.join(given)}")
+    if arguments.quick and arguments.all_degrees:
+        raise ConfigError("--quick: it is the verdict alone, leave out --all-degrees")
+    path = arguments.plot
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise ConfigError(f"{path}: cannot write the picture: call it FILE{', FILE'.join(PICTURES)}")
+    if path is not None and not path.parent.is_dir():
+        raise ConfigError(f"{path}: cannot write the picture: no such folder")
 
 
 def _assess(stated: Problem, known: Assessment, arguments: Arguments, console: Console) -> Assessment:
@@ -125,6 +160,17 @@ def _assess(stated: Problem, known: Assessment, arguments: Arguments, console: C
         )
 
 
+def _second_opinions(stated: Problem, console: Console) -> dict[str, Opinions]:
+    from companion.certify.second_opinion import second_opinion  # noqa: PLC0415
+
+    known: dict[AxisProblem, Opinions] = {}
+    with console.status("second opinion"):
+        for axis in stated.axes.values():
+            if axis not in known:  # identical axes are asked about once
+                known[axis] = second_opinion(axis)
+    return {name: known[axis] for name, axis in stated.axes.items()}
+
+
 def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
     """Verify a certificate file against the config, with the standard library alone."""
     certificate, reason = proof.load(path)
@@ -138,15 +184,38 @@ def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
     return 0 if answer.ok else 1
 
 
-def _write(assessment: Assessment, path: Path) -> None:
+def _write(certificate: Mapping[str, object] | None, path: Path) -> None:
     """The certificate, to `path`; nothing is written where there is none, and no stale one is left."""
     try:
-        if assessment.certified:
-            path.write_text(json.dumps(assessment.certificate, indent=1) + "\n", encoding="utf-8")
+        if certificate is not None:
+            path.write_text(json.dumps(certificate, indent=1) + "\n", encoding="utf-8")
         else:
             path.unlink(missing_ok=True)
     except OSError as error:
         raise ConfigError(f"{path}: cannot write the certificate: {error.strerror}") from None
+
+
+def _write_for_a_link(stated: Problem, assessment: Assessment, arguments: Arguments, console: Console) -> None:
+    """Where the config has no delay, the certificate of one that a link may have, in place of that of none."""
+    from companion.certify.certificate import certify_for_a_link, without_delay  # noqa: PLC0415
+
+    axes = without_delay(stated)
+    if not axes or arguments.out is None:
+        return
+    if arguments.quick:
+        console.print("It covers no delay of a link: `companion run` wants the certificate written without --quick.")
+        return
+    largest = {name: each.value for name in axes if (each := assessment.axes[name].maximum_delay) is not None}
+    with console.status("delay of the link"):
+        found = certify_for_a_link(stated, largest, arguments.sectors)
+    if found is None:
+        console.print("It covers no delay of a link, and none can be certified: `companion run` will not take it.")
+        return
+    certificate, upper_s = found
+    _write(certificate, arguments.out)
+    console.print(
+        f"It covers every constant delay of the link up to {1e3 * float(upper_s):g} ms, which flight watches."
+    )
 
 
 def _plot(stated: Problem, path: Path, console: Console) -> None:
@@ -166,7 +235,9 @@ def _plot(stated: Problem, path: Path, console: Console) -> None:
         raise ConfigError(f"{path}: cannot write the picture: {error}") from None
 
 
-def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
+def _table(name: str, axis: AxisAssessment, assessment: Assessment, opinions: Opinions | None) -> Table:
+    from companion.certify.assess import slowest_ticks_hz  # noqa: PLC0415
+
     table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(justify="right")
@@ -180,7 +251,10 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
             value = float(certified.value)
             best = value if best is None else min(best, value)
             enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
-            table.add_row(f"needed, by {method}", f"{value:.3f} rad/s  {enough}")
+            table.add_row(f"needed in continuous time, by {method}", f"{value:.3f} rad/s  {enough}")
+    if opinions is not None:
+        both = " / ".join("none" if b is None else f"{b:.3f}" for b in (opinions.ours_rad_s, opinions.theirs_rad_s))
+        table.add_row(f"quadratic without delay, ours / {opinions.solver}", f"{both} rad/s")
     if axis.unstable_below is not None:
         found = "proven unstable below" if not axis.delay_s else "unstable below, by an approximant of the delay"
         table.add_row(found, f"{float(axis.unstable_below[0]):.3f} rad/s")
@@ -188,6 +262,10 @@ def _table(name: str, axis: AxisAssessment, assessment: Assessment) -> Table:
         table.add_row("margin", f"{100.0 * (tuned / best - 1.0):+.1f} %")
     limit = "none" if axis.maximum_delay is None else f"{1e3 * float(axis.maximum_delay.value):.1f} ms"
     table.add_row("delay, as configured / certified up to", f"{1e3 * float(axis.delay_s):.1f} ms / {limit}")
+    ticks = slowest_ticks_hz(assessment)
+    if assessment.certificate is not None:
+        told = f"{ticks[name]:g} Hz or faster" if ticks and name in ticks else "not proven"
+        table.add_row("tick, certified at", told)
     if name in assessment.adaptation_rates:
         rate, largest = assessment.adaptation_rates[name]
         enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -13,10 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from companion.certify.certificate import certify
+from companion.certify.bandwidth import largest_delay
+from companion.certify.certificate import RAYS, certify, certify_for_a_link, without_delay
 from companion.certify.design import Design, design
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
+from companion.certify.statement import Json
 from companion.certify.velocity_error import Adaptation
 from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
@@ -28,6 +30,7 @@ from companion.identify.identification import Identification, identify_log
 from companion.identify.series import OURS
 from companion.identify.write import note, response
 
+_REFERENCE_MODEL_RAD_S: Final = 50.0  # PX4's default
 _SEARCH_RAYS: Final = (0, 8)  # 16 give 1 % more for twice the work
 
 
@@ -98,7 +101,7 @@ def run(arguments: Arguments) -> int:
     adaptation = chosen.adaptation
     if adaptation is not None and adaptation.correct and template.controller.estimate_correction is None:
         designed = added(designed, "controller", "estimate_correction", "{}")
-    certificate = certify(problem(load_text(designed, out, out.parent)))
+    certificate = _certificate(problem(load_text(designed, out, out.parent)))
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin.")
         return 1
@@ -109,6 +112,16 @@ def run(arguments: Arguments) -> int:
     else:
         _show(chosen, template, identification, error, arguments, console)
     return 0
+
+
+def _certificate(designed: Problem) -> Mapping[str, Json] | None:
+    """As `companion check --out` would write it: with a delay for the link where the design has none."""
+    certificate, axes = certify(designed), without_delay(designed)
+    if certificate is None or not axes:
+        return certificate
+    largest = {name: each.value for name in axes if (each := largest_delay(designed.axes[name], RAYS[:2]))}
+    found = certify_for_a_link(designed, largest, RAYS[1])
+    return certificate if found is None else found[0]
 
 
 def _with_response(text: str, template: Config, identification: Identification, arguments: Arguments) -> str:
@@ -132,16 +145,28 @@ def _with_response(text: str, template: Config, identification: Identification, 
         plant = ("plant", template.vehicle.kind, angle)
         if plant in known:
             flown = _rounded(found.chosen.named())
-            changes[plant] = flow({**flown, "delay_s": _plus(flown.get("delay_s", 0.0), more_s)})
+            own_s = max(flown.get("delay_s", 0.0) - _reference_model_s(template, identification), 0.0)
+            changes[plant] = flow({**flown, "delay_s": _plus(own_s, more_s)})
     if ("plant", "setpoint_delay_s") in known:
         changes["plant", "setpoint_delay_s"] = "0"  # it is in the responses
-    gains = flow(identification.gains)
-    if ("vehicle", "parameters") in known and identification.gains:
-        changes["vehicle", "parameters"] = gains
+    stated: dict[str, str] = {}
+    if identification.gains:
+        stated["parameters"] = flow(identification.gains)
+    if identification.px4_version is not None:
+        stated["px4_version"] = f'"{identification.px4_version}"'
+    changes |= {("vehicle", key): value for key, value in stated.items() if ("vehicle", key) in known}
     text = edited(text, changes, notes)
-    if ("vehicle", "parameters") not in known and identification.gains:
-        text = added(text, "vehicle", "parameters", gains)
+    for key, value in stated.items():
+        if ("vehicle", key) not in known:
+            text = added(text, "vehicle", key, value)
     return text
+
+
+def _reference_model_s(template: Config, identification: Identification) -> float:
+    """By how much a plant of PX4 v1.18 is late by itself: 2 / MC_REF_W_N, which the identified delay has in it."""
+    if template.plant is None or template.plant.px4_version == "1.17":
+        return 0.0
+    return 2.0 / identification.gains.get("MC_REF_W_N", _REFERENCE_MODEL_RAD_S)
 
 
 def _design(stated: Problem, arguments: Arguments, error: VelocityError | None, console: Console) -> Design | None:

@@ -17,7 +17,7 @@ from companion.config.schema import PaperSection
 from companion.flight.authority.states import Reason
 from companion.flight.host.runtime import Status
 from companion.record.folder import new_folder
-from sitl.experiment.experiment import Job, Outcome, fly_all, realtime_factor
+from sitl.experiment.experiment import Job, Outcome, fly_all, realtime_factor, tick_rate_hz
 
 
 class Arguments(NamedTuple):
@@ -151,8 +151,10 @@ def _print_table(config: Config, outcomes: dict[str, Outcome], console: Console)
                 f"[bold red]{name} MRAC is unstable:[/bold red] the error never settles and peaks at "
                 f"{outcome.metrics.peak_error_m:.2f} m; lower its adaptation rate or tick faster"
             )
-    factor = realtime_factor(list(outcomes.values()))
-    console.print(f"flown at {factor:.1f} x real time in all, {config.tick.rate_hz:g} ticks a second over UDP")
+    flown = list(outcomes.values())
+    console.print(
+        f"flown at {realtime_factor(flown):.1f} x real time in all, {tick_rate_hz(flown):.0f} ticks a second over UDP"
+    )
 
 
 def _own_table(outcomes: dict[str, Outcome]) -> Table:

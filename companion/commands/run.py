@@ -17,7 +17,7 @@ from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
-from companion.flight.readiness.certificate import uncovered, unwatched
+from companion.flight.readiness.certificate import cover, unwatched
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.tool_client import tool_socket
@@ -38,6 +38,7 @@ class Arguments(NamedTuple):
     certificate: Path | None
     uncertified: bool
     engage: bool
+    bench: bool
     hedging: bool | None
     out: Path
 
@@ -50,7 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--certificate", type=Path, metavar="FILE", help="default: beside the config, NAME.certificate.json"
     )
     parser.add_argument("--uncertified", action="store_true", help="fly without a certificate, loudly")
-    parser.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    beginning = parser.add_mutually_exclusive_group()
+    beginning.add_argument("--engage", action="store_true", help="arm, take off and ask for OFFBOARD")
+    beginning.add_argument("--bench", action="store_true", help="propellers off: take control on the ground too")
     parser.add_argument("--out", type=Path, default=Path("flights"), help="where flight folders go (default: flights)")
     add_flight(parser)
 
@@ -63,6 +66,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.certificate,
         namespace.uncertified,
         namespace.engage,
+        namespace.bench,
         namespace.hedging,
         namespace.out,
     )
@@ -75,7 +79,9 @@ def run(arguments: Arguments) -> int:
     hedging = config.controller.hedging if arguments.hedging is None else arguments.hedging
     certificate = arguments.certificate or certificate_path(config_path)
     identifying = config.mission.identification is not None
-    warning = None if identifying else uncovered(config, certificate, hedging=hedging)
+    warning = None
+    if not identifying:
+        config, warning = cover(config, certificate, hedging=hedging)
     if warning is not None and not arguments.uncertified:
         raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:
@@ -104,6 +110,7 @@ def run(arguments: Arguments) -> int:
                 recorder,
                 hedging=hedging,
                 engage=arguments.engage,
+                bench=arguments.bench,
                 warning=warning,
                 uncertified=arguments.uncertified,
                 tools=tools,

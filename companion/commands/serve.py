@@ -9,7 +9,7 @@ from companion.config import Config, ConfigError
 from companion.mavlink.link import LinkError
 from companion.mavlink.signing import read_key
 from sitl.build import build_world
-from sitl.messages.log_download import read_log
+from sitl.messages.log_card import read_log
 from sitl.wire.lockstep import LockstepTimeoutError
 from sitl.wire.ports import GROUND_STATION, NOBODY, Endpoint, UdpEndpoint, parse_serial
 from sitl.wire.server import serve

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_json, add_tool_link, config_file
-from companion.flight.readiness.px4_settings import KINDS, Setting, Verdict, judge, unstated, worst
+from companion.flight.readiness.px4_settings import Setting, Verdict, judge, kinds, unstated, worst
 from companion.mavlink.client import Client
 from companion.mavlink.vehicle_report import VehicleReport, read_vehicle
 
@@ -52,7 +52,8 @@ def run(arguments: Arguments) -> int:
             client.connect()
             client.give_way()
         with console.status("asking"):
-            report = read_vehicle(client, {**dict.fromkeys(config.vehicle.parameters), **KINDS})
+            stated = dict.fromkeys(config.vehicle.parameters)
+            report = read_vehicle(client, lambda version: {**stated, **kinds(version)})
     finally:
         client.close()
     firmware, parameters = report.firmware, report.parameters
@@ -63,12 +64,13 @@ def run(arguments: Arguments) -> int:
     else:
         console.print(_table(client, rows))
         console.print(_SUMMARY[verdict])
-        if gains := unstated(config, parameters):
+        if gains := unstated(config, firmware.version, parameters):
             # As the vehicle rounds them to 32 bits, so seven digits are all there are.
-            stated = ", ".join(f"{name}: {value:.7g}" for name, value in gains.items())
+            told = ", ".join(f"{name}: {value:.7g}" for name, value in gains.items())
+            version = "{}.{}".format(*firmware.version)
             console.print(
-                "These gains are not compared. Were they so at identification? Then say so, and `run` will compare "
-                f"them:\n  vehicle: {{parameters: {{{stated}}}}}",
+                "What the attitude response is made of is not compared, `run` pins it as it reads it. Was it so at "
+                f'identification? Then say so:\n  vehicle: {{px4_version: "{version}", parameters: {{{told}}}}}',
                 highlight=False,
             )
     return 0 if verdict is Verdict.FINE else 1

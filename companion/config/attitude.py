@@ -65,7 +65,7 @@ class ResponseSection(ResponseKeys[Range]):
     """[1] Transfer function: coefficients of the denominator, highest power first, up to the sixth."""
     delay_s: NonNegative | tuple[NonNegative, NonNegative] = 0.0
     """Transport delay of vehicle and link together, both ways. What the certificate leaves of it to the link is the
-    default limit of `guards.link_delay_s`."""
+    default limit of `guards.link_delay_s`. With 0 the certificate itself says how much the link may have."""
     pade_order: Annotated[int, Field(ge=1, le=4)] = 1
     """Order of the Pade approximant with which `companion check` searches for what is unstable. No proof uses it."""
 

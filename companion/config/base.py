@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from companion.config.numbers import kept
+
 
 def _number(value: object) -> object:
-    if isinstance(value, bool):
+    if isinstance(value, bool | str):  # a number in quotes has not been looked at by the loader
         raise ValueError("a number is wanted")
+    if isinstance(value, int) and not kept(value):
+        raise ValueError("it has more digits than are kept")
     return value
 
 
-Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[float, Field(gt=0.0), BeforeValidator(_number)]
-NonNegative = Annotated[float, Field(ge=0.0), BeforeValidator(_number)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0), BeforeValidator(_number)]
-Priority = Annotated[int, Field(ge=0, le=99), BeforeValidator(_number)]
-Id = Annotated[int, Field(ge=1, le=255), BeforeValidator(_number)]
-Vector = tuple[float, float, float]
+NUMBER: Final = BeforeValidator(_number)
+"""Behind a `Field` with bounds, which the documentation would not find before it."""
+
+Number = Annotated[float, NUMBER]
+Positive = Annotated[float, Field(gt=0.0), NUMBER]
+NonNegative = Annotated[float, Field(ge=0.0), NUMBER]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0), NUMBER]
+Priority = Annotated[int, Field(ge=0, le=99), NUMBER]
+Id = Annotated[int, Field(ge=1, le=255), NUMBER]
+Vector = tuple[Number, Number, Number]
 
 
 class Section(BaseModel):

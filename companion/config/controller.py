@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from companion.config.attitude import EnvelopeSection
-from companion.config.base import Fraction, NonNegative, Positive, Section
+from companion.config.base import NUMBER, Fraction, NonNegative, Number, Positive, Section
 
 
 class AdaptationRates(Section):
@@ -19,7 +19,7 @@ class AdaptationRates(Section):
     """[1] Without hedging."""
 
 
-Bound = Positive | tuple[float, float]
+Bound = Positive | tuple[Number, Number]
 
 
 class AxisSection(Section):
@@ -100,7 +100,7 @@ class BiasSection(Section):
 class Limits(Section):
     """What the controller never asks for. Altitude comes first; a horizontal force that is cut keeps its direction."""
 
-    tilt_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
+    tilt_deg: Annotated[float, Field(gt=0.0, le=60.0), NUMBER] = 35.0
     """Largest tilt of the thrust. `guards.tilt_deg` must lie above it."""
     thrust_min: Annotated[Fraction, Field(gt=0.0)] = 0.05
     """[1] Smallest collective thrust, normalised."""

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from companion.config.base import Positive, Section
+from companion.config.base import NUMBER, Positive, Section
 from companion.control.types import GRAVITY_M_S2
 
 SMALLEST_DEG: Final = 2.0  # of an amplitude: below it `companion identify` sees no manoeuvre
@@ -20,9 +20,9 @@ class IdentificationSection(Section):
     A doublet is one pulse to one side, two to the other and one back: it ends where it began, at rest.
     """
 
-    amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0)] | None = None
+    amplitude_deg: Annotated[float, Field(ge=SMALLEST_DEG, le=20.0), NUMBER] | None = None
     """Tilt of a pulse, from the trim. Left out: 8, or as much less as envelope and fence ask for."""
-    pulse_s: Annotated[float, Field(ge=0.2, le=2.0)] = 0.5
+    pulse_s: Annotated[float, Field(ge=0.2, le=2.0), NUMBER] = 0.5
     """How long a pulse lasts. Several times 1/bandwidth, or the end of the response is never seen."""
     pause_s: Positive = 4.0
     """How long the position loop flies at least between two doublets. It goes on until the vehicle is calm, for at most

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from companion.config.base import Id, Positive, Section
+from companion.config.base import NUMBER, Id, Positive, Section
 
 
 class LinkSection(Section):
@@ -36,8 +36,9 @@ class LinkSection(Section):
 class TickSection(Section):
     """How often the loop runs: the rate asked of the autopilot, and the rate below which we do not fly."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)]
-    """Rate of ODOMETRY asked of the autopilot. Each sample is one tick. A real PX4 sends 125 to 250 Hz."""
+    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0), NUMBER]
+    """Rate of ODOMETRY asked of the autopilot. Each sample is one tick. PX4
+    in simulation sends 125 Hz for whatever more is asked."""
     floor_hz: Positive
     """Slowest rate that flies: below it control does not begin. The adaptation rates are certified for it, and it is
     the default limit of `guards.pose_rate_hz`."""

@@ -11,28 +11,13 @@ import yaml
 from pydantic import ValidationError
 
 from companion.config.mission import MissionSection
+from companion.config.numbers import Loader
 from companion.config.schema import Config
 from companion.errors import CompanionError
 
 
 class ConfigError(CompanionError):
     """A config that cannot be used; the message is one line for a person."""
-
-
-class _UniqueKeys(yaml.SafeLoader):
-    """YAML that refuses a key given twice, where PyYAML would silently keep the last."""
-
-    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        node = super().compose_mapping_node(anchor)
-        seen: set[tuple[str, str]] = set()
-        for key_node, _ in node.value:  # as written: what a merge key brings in comes later and may be overridden
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise yaml.composer.ComposerError(None, None, "a key must be a word", key_node.start_mark)
-            key = (key_node.tag, key_node.value)
-            if key in seen:
-                raise yaml.composer.ComposerError(None, None, f"key {key_node.value} given twice", key_node.start_mark)
-            seen.add(key)
-        return node
 
 
 # PyYAML lets its constructors' own errors out: a date of month 13, an integer that is none, nesting without end.
@@ -46,7 +31,9 @@ def parse_override(text: str) -> tuple[list[str], Any]:
     if not equals or not all(keys):
         raise ConfigError(f"--set {text}: write it as section.key=value")
     try:
-        return keys, yaml.safe_load(value)
+        return keys, yaml.load(value, Loader=Loader)
+    except yaml.constructor.ConstructorError as error:
+        raise ConfigError(f"--set {text}: {error.problem}") from None
     except _NOT_YAML:
         raise ConfigError(f"--set {text}: {value!r} is not a YAML value") from None
 
@@ -120,7 +107,7 @@ def _parse(text: str, path: Path) -> Any:
 @lru_cache(maxsize=8)
 def _yaml(text: str) -> Any:
     """A program that flies many flights loads the same file for each."""
-    return yaml.load(text, Loader=_UniqueKeys)
+    return yaml.load(text, Loader=Loader)
 
 
 def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -46,9 +46,10 @@ _HEAD: Final = """\
 Written by `python -m companion.config.reference` from the schema in `companion/config/`: do not edit it here.
 
 A config is YAML. An unknown key, a key given twice and a value out of its range are refused in one line that names
-the key. `--set section.key=value` changes one key for one command. Frames are local NED and body FRD. A key's unit is
-in its name where it has one; a unit of 1 is a pure number. The files in [`config/`](../config) are examples; numbers
-in parentheses are equations of the paper.
+the key. `--set section.key=value` changes one key for one command. A number is decimal digits as a person reads them,
+and as many as a double keeps: `010`, `1:30`, `0x1F` and `1_000`, which YAML reads as 8, 90, 31 and 1000, are refused,
+and so is a number in quotes. Frames are local NED and body FRD. A key's unit is in its name where it has one; a unit of
+1 is a pure number. The files in [`config/`](../config) are examples; numbers in parentheses are equations of the paper.
 """
 _GUARDS_HEAD: Final = """\
 Every guard has up to three keys. `enabled`: whether it is watched. `limit`: the most that is allowed, in the unit

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from companion.config.attitude import AttitudeSection
-from companion.config.base import Id, Number, Positive, Section
+from companion.config.base import NUMBER, Id, Number, Positive, Section
 from companion.config.consistency import check_delay, check_fence, check_guards, check_steering
 from companion.config.controller import ControllerSection
 from companion.config.estimator import EstimatorSection
@@ -31,7 +31,7 @@ class VehicleSection(Section):
 
     kind: VehicleName
     """What it can do: a rig moves along one guide at hover thrust, a quadrotor flies free."""
-    hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0)]
+    hover_thrust: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER]
     """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
     `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
@@ -43,7 +43,11 @@ class VehicleSection(Section):
     """MAVLink component id of the autopilot."""
     parameters: dict[ParameterName, Number] = Field(default_factory=dict)
     """PX4 parameters, the attitude gains above all, as they were when the response was identified. Where the vehicle's
-    differ `companion run` refuses (`certificate_stale`). Empty: nothing is compared."""
+    differ `companion run` refuses (`certificate_stale`). Gains that are not stated are read before stand-by and pinned:
+    a change from then on counts the same."""
+    px4_version: Annotated[str, Field(pattern=r"^\d+\.\d+$")] | None = None
+    """PX4's version when the response was identified, as "1.17": another one answers otherwise, and `companion run`
+    refuses it (`certificate_stale`). Left out: any."""
 
 
 class PaperMetrics(Section):

@@ -12,13 +12,17 @@ from companion.flight.host.service import Notifier
 from companion.flight.readiness.engage import Engagement, Seen
 from companion.flight.session import Session, To
 from companion.flight.vehicle_link.link_delay import INTERVAL_S
-from companion.flight.vehicle_link.messages import Answer, EstimatorStatus, Parameter
+from companion.flight.vehicle_link.messages import Answer, EstimatorStatus, Firmware, Parameter
 from companion.flight.vehicle_link.modes import Mode
 
 PERIOD_S: Final = 0.1
 _HEARTBEAT_S: Final = 1.0
 _CALL_S: Final = 0.2  # between heartbeats until the vehicle has answered
 _FLUSH_S: Final = 0.25  # of the log: what a kill -9 loses
+_CLOCK_OFF: Final = (
+    0.03  # share by which the vehicle's clock may run otherwise than ours; a simulated PX4's is 2 % slow
+)
+_CLOCK_OFF_S: Final = 3.0  # for so long, before somebody is told
 
 
 class Housekeeping:
@@ -34,8 +38,9 @@ class Housekeeping:
         self._flight = flight
         self._notifier = notifier
         self._engagement = engagement
-        self._rival_told = False
+        self._rival_told = self._clock_told = self._pose_told = False
         self._unsettled_since_s: float | None = None
+        self._clock_off_s: float | None = None  # since when
         self._on_status = on_status
         self._heartbeat_s = self._flush_s = self._timesync_s = 0.0
         self.due_s = 0.0
@@ -50,14 +55,18 @@ class Housekeeping:
         return {
             EstimatorStatus: self._on_estimator_status,
             Parameter: self._on_parameter,
+            Firmware: self._on_firmware,
             Answer: self._on_answer,
         }
 
     def _on_estimator_status(self, status: EstimatorStatus) -> None:
         self._flight.estimator.on_status(status.flags, self._flight.clock.elapsed_s())
 
+    def _on_firmware(self, firmware: Firmware) -> None:
+        self._flight.preflight.pinned.on_firmware(firmware.version)
+
     def _on_parameter(self, parameter: Parameter) -> None:
-        if self._flight.preflight.on_parameter(parameter):
+        if self._flight.preflight.pinned.on_parameter(parameter):
             self._parameter_changed()
 
     def _on_answer(self, answer: Answer) -> None:
@@ -80,6 +89,9 @@ class Housekeeping:
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
         self._look_for_blindness(state)
+        self._look_at_clock(clock_s)
+        if state is State.STANDBY:
+            self._look_at_pose()
         rival = link.rival()
         if rival is not None:
             self._meet(rival)
@@ -107,10 +119,31 @@ class Housekeeping:
             if ends_control is not None:
                 flight.refuse(reason, ends_control)
 
+    def _look_at_clock(self, clock_s: float) -> None:
+        """A clock that runs otherwise than ours is not jitter, and somebody should know, once."""
+        rate = self._flight.delay.clock_rate
+        if not abs(rate - 1.0) > _CLOCK_OFF:  # not a number is not known
+            self._clock_off_s = None
+            return
+        self._clock_off_s = clock_s if self._clock_off_s is None else self._clock_off_s
+        if clock_s - self._clock_off_s >= _CLOCK_OFF_S and not self._clock_told:
+            self._clock_told = True
+            text = f"the vehicle's clock runs at {rate:.2f} of ours"
+            self._flight.announce("clock_rate", text, To.EVERYBODY)
+
+    def _look_at_pose(self) -> None:
+        """Disarmed, a pose that does not come is waited for."""
+        flight = self._flight
+        stale = not flight.link.armed and flight.freshness.pose_stale(flight.clock.now_s)
+        if stale is not self._pose_told:
+            self._pose_told = stale
+            text = "no odometry any more: nothing is sent until it comes" if stale else "odometry comes again"
+            flight.announce("pose_wait", text, To.LOG | To.PERSON)
+
     def _parameter_changed(self) -> None:
         """Somebody has set what the certificate is for: never begin with it; in control it is too late but to tell."""
         flight = self._flight
-        stale = flight.preflight.stale
+        stale = flight.preflight.pinned.stale
         text = stale or "the vehicle's parameters are again what the certificate is for"
         flight.announce("parameter_changed", text, To.LOG | To.PERSON)
         short = "certificate stale" if stale else "certificate valid again"
@@ -176,7 +209,7 @@ class Housekeeping:
         if flight.hands_off and not on_ground:  # what flies OFFBOARD is not ours to engage, now or after it has landed
             self._engagement = None
             return
-        if sample is None:
+        if sample is None or (not flight.link.armed and flight.freshness.pose_stale(flight.clock.now_s)):
             return
         seen = Seen(
             flight.link.mode,

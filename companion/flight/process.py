@@ -37,9 +37,10 @@ class FlightProcess:
     """One flight: from the first heartbeat to a release with a named reason.
 
     `lockstep`: time is the odometry's own, and every sample is answered, so that a flight is a function of its inputs.
-    `warning`: why no certificate covers it; `uncertified`: go on where the vehicle's gains are not the certified ones;
-    `tools`: serves a tool that asks the vehicle; `print_line`: takes a line for the person and never waits; `wall`: the
-    clock on the wall, the system's by default.
+    `bench`: the propellers are off, so that control may begin on the ground. `warning`: why no certificate covers it;
+    `uncertified`: go on where the vehicle's gains are not the certified ones; `tools`: serves a tool that asks the
+    vehicle; `print_line`: takes a line for the person and never waits; `wall`: the clock on the wall, the system's by
+    default.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class FlightProcess:
         *,
         hedging: bool | None = None,
         engage: bool = False,
+        bench: bool = False,
         lockstep: bool = False,
         warning: str | None = None,
         uncertified: bool = False,
@@ -69,12 +71,14 @@ class FlightProcess:
             hedging=hedging,
             lockstep=lockstep,
             uncertified=uncertified,
+            engage=engage,
+            bench=bench,
             wall=wall,
             print_line=print_line,
         )
         self._link = flight.link
         self._lockstep = lockstep
-        self._warning = warning
+        self._bench, self._warning = bench, warning
         self._notifier = notifier
         self._tools = None if tools is None else ToolAccess(flight.link, tools)
         self._changes = Changes(flight, warning)
@@ -97,6 +101,8 @@ class FlightProcess:
         flight, announce = self._flight, self._flight.announce
         if self._warning is not None:
             announce("uncertified", self._warning)
+        if self._bench:
+            announce("bench", "BENCH: propellers off? control begins on the ground too", To.LOG | To.PERSON)
         announce(_CONNECTING.name.lower(), "link, waiting for vehicle {}/{}".format(*flight.ids))
         with quiet_memory(), stop_signals(self.stop):
             try:

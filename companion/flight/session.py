@@ -18,6 +18,7 @@ from companion.flight.guards.settling import Settling
 from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
+from companion.flight.readiness.ground import Ground
 from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 from companion.flight.vehicle_link.link import Link, VehicleLink
@@ -50,6 +51,8 @@ class Session:
         hedging: bool,
         lockstep: bool,
         uncertified: bool = False,
+        engage: bool = False,
+        bench: bool = False,
         wall: Wall | None = None,
         print_line: Callable[[str], None],
     ) -> None:
@@ -67,6 +70,7 @@ class Session:
         # certified of a response that is being identified.
         compare = not lockstep and config.mission.identification is None
         self.preflight = Preflight(config, self.pose, compare=compare, uncertified=uncertified)
+        self.ground = Ground(flies=config.vehicle_kind.can_fly and not bench, takes_off=engage)
         self.estimator = EstimatorHealth()
         self.settling = Settling(config)
         self.watch = Watch(config, self.limits)

@@ -126,10 +126,10 @@ class Ticks:
     def _stand_by(self, sample: Odometry, dt_s: float) -> None:
         """Stream what is safe to be switched to: the attitude as it is, hover thrust.
 
-        No thrust only while the vehicle is disarmed in another mode: armed is told once a second, OFFBOARD at once, and
-        a vehicle in the air must not fall in between.
+        No thrust only while the vehicle says that it stands on the ground, or is disarmed in another mode: armed is
+        told once a second, OFFBOARD at once, and a vehicle in the air must not fall in between.
         """
-        grounded = not self._link.armed and self._link.mode != _OFFBOARD
+        grounded = self._flight.ground.idle or (not self._link.armed and self._link.mode != _OFFBOARD)
         thrust = 0.0 if grounded else self._pilot.hover_thrust
         setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
         latency_s = self._send(sample, setpoint)

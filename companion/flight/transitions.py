@@ -10,7 +10,7 @@ from companion.flight.authority import states as authority
 from companion.flight.authority.states import Known, Reason, State
 from companion.flight.guards import estimator
 from companion.flight.session import Ending, Session, To
-from companion.flight.vehicle_link.messages import Heartbeat, ModeReport
+from companion.flight.vehicle_link.messages import Heartbeat, LandedState, ModeReport
 from companion.flight.vehicle_link.modes import BY_STICKS, Mode, mode_name
 from companion.flight.vehicle_link.requests import TellHeartbeat
 
@@ -34,7 +34,15 @@ class Changes:
     @property
     def handlers(self) -> dict[type, Callable[[Any], None]]:
         """Of the records that tell the mode: the pilot's switch counts before the next sample does."""
-        return {Heartbeat: self._on_heartbeat, ModeReport: self._on_mode_report}
+        return {
+            Heartbeat: self._on_heartbeat,
+            ModeReport: self._on_mode_report,
+            LandedState: self._on_landed_state,
+        }
+
+    def _on_landed_state(self, state: LandedState) -> None:
+        flight = self._flight
+        flight.ground.on_report(flight.clock.now_s, landed=state.landed, offboard=flight.link.mode == Mode.OFFBOARD)
 
     def _on_heartbeat(self, _: Heartbeat) -> None:
         self._flight.freshness.on_heartbeat(self._flight.clock.now_s)
@@ -72,6 +80,7 @@ class Changes:
         flight = self._flight
         now_s = self._checking_since_s = flight.clock.now_s
         flight.freshness.on_heartbeat(now_s)
+        flight.ground.restart()
         flight.preflight.begin(now_s)
 
     def decide(self) -> None:
@@ -88,7 +97,7 @@ class Changes:
         elif state is State.STANDBY:
             self._stand_by()
         elif state is State.ENGAGED and flight.sample is not None:
-            flight.pilot.take_over(flight.sample, flight.preflight.hover_thrust)
+            flight.pilot.take_over(flight.sample, flight.preflight.pinned.hover_thrust)
             flight.watch.begin(flight.sample)
             flight.engaged = True
         flight.state = state
@@ -113,15 +122,19 @@ class Changes:
         flight, link = self._flight, self._flight.link
         fault = None if flight.fault is None else flight.fault.reason
         if fault is None and flight.state in (State.STANDBY, State.ENGAGED):
-            fault = flight.freshness.stale(flight.clock.now_s)
+            # Disarmed in stand-by nothing is flown by the pose. Once armed, its age counts before control begins.
+            grounded = flight.state is State.STANDBY and not link.armed
+            fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
+        offboard = link.mode == Mode.OFFBOARD
         return Known(
             link.connected,
             flight.preflight.passed and flight.settling.settled and flight.hands_off is not None,
-            link.mode == Mode.OFFBOARD,
+            offboard,
             link.armed,
             fault,
             link.killed,
             flight.hands_off is not False,
+            flight.ground.began_on(flight.clock.now_s, offboard=offboard),
         )
 
     def _look_whose(self) -> None:
@@ -154,14 +167,17 @@ class Changes:
         if flight.sample is not None:
             flight.ground_z_m = flight.sample.z_m
         flight.pose.settle()
-        flight.pilot.believe_hover_thrust(flight.preflight.hover_thrust)
-        if flight.preflight.stale is not None:
-            stale = flight.preflight.stale
+        flight.pilot.believe_hover_thrust(flight.preflight.pinned.hover_thrust)
+        pinned = flight.preflight.pinned
+        if pinned.stale is not None:
+            stale = pinned.stale
             flight.announce("uncertified", stale, To.LOG | To.PERSON, line=f"UNCERTIFIED FLIGHT: {stale}")
-        warning = self._warning or flight.preflight.stale
+        warning = self._warning or pinned.stale
         if warning is not None:
             flight.announce("uncertified", f"UNCERTIFIED: {warning}", To.GROUND_STATION)
-        lines = [*flight.preflight.remarks(), *flight.blindness.settle(flight.told())]
+        lines = [*pinned.remarks(), *flight.blindness.settle(flight.told())]
+        if not flight.ground.told:
+            lines.append("the vehicle does not tell whether it is in the air: switch to OFFBOARD only there")
         if (flown := flight.pilot.manoeuvre) is not None:
             lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
         for line in lines:

@@ -82,6 +82,8 @@ class Identification(NamedTuple):
         Parameters of the attitude loop as logged, for comparing with the vehicle's later.
     velocity_error
         Of the estimator, where the logs tell.
+    px4_version
+        The vehicle's, as "1.17", for the same; None where no log tells.
     """
 
     paths: tuple[Path, ...]
@@ -91,6 +93,7 @@ class Identification(NamedTuple):
     refused: dict[str, str]
     gains: dict[str, float]
     velocity_error: VelocityError | None
+    px4_version: str | None = None
 
 
 def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
@@ -133,8 +136,9 @@ def identify(recordings: Sequence[Recording]) -> Identification:
         raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
     gains = {name: value for recording in recordings for name, value in recording.gains.items()}
     paths = tuple(recording.path for recording in recordings)
+    version = next((recording.px4_version for recording in recordings if recording.px4_version), None)
     estimator = velocity_error(recordings)
-    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator)
+    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator, version)
 
 
 _Views = dict[Path, tuple[ClockMap, Recording | None]]
@@ -146,6 +150,10 @@ def _check_alike(recordings: Sequence[Recording]) -> None:
         if other.system_id != first.system_id:
             raise LogError(
                 f"{other.path}: wrong vehicle: system {other.system_id}, {first.path} is of {first.system_id}"
+            )
+        if first.px4_version and other.px4_version and other.px4_version != first.px4_version:
+            raise LogError(
+                f"{other.path}: PX4 {other.px4_version}, in {first.path} it is {first.px4_version}: give logs of one"
             )
         for name, value in first.gains.items():
             if other.gains.get(name, value) != value:

@@ -39,6 +39,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "system_id": identification.system_id,
         "clock": identification.clock,
         "gains": identification.gains,
+        "px4_version": identification.px4_version,
         "warnings": warnings(identification),
     }
 

@@ -91,6 +91,8 @@ class Recording(NamedTuple):
         Parameters of the attitude loop as logged.
     estimate
         None where the log does not have it.
+    px4_version
+        The vehicle's, as "1.17"; None where the log does not tell.
     """
 
     path: Path
@@ -105,6 +107,7 @@ class Recording(NamedTuple):
     applied: ClockMap | None
     gains: dict[str, float]
     estimate: Estimate | None = None
+    px4_version: str | None = None
 
 
 def angles(q_wxyz: npt.NDArray[Any]) -> Floats:

@@ -45,7 +45,11 @@ TOPICS: Final = (
     "actuator_motors",
     "vehicle_local_position",
 )
-GAINS: Final = ("MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K")
+GAINS: Final = (
+    "MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K",
+    "MC_REF_W_N", "MC_REF_FF", "MC_REF_FF_MAX",  # from PX4 v1.18
+)  # fmt: skip
+_RELEASE: Final = "ver_sw_release"
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
 _OFFBOARD: Final = 14  # VehicleStatus.NAVIGATION_STATE_OFFBOARD
 _FOLLOWING: Final = (_OFFBOARD, 15, 1)  # with Stabilized and Altitude: attitude set-points come from outside
@@ -81,6 +85,7 @@ def read(path: Path) -> Recording:
         None,
         {name: float(parameters[name]) for name in GAINS if name in parameters},
         _estimate(path, log),
+        _px4_version(log),
     )
 
 
@@ -132,6 +137,12 @@ def _times(path: Path, topic: dict[str, Any], name: str) -> tuple[Floats, Any]:
 
 def _vector(topic: dict[str, Any], field: str, size: int) -> Floats:
     return np.stack([topic[f"{field}[{i}]"] for i in range(size)], axis=1).astype(np.float64)
+
+
+def _px4_version(log: ULog) -> str | None:
+    """Major and minor of the autopilot's software."""
+    release = log.msg_info_dict.get(_RELEASE)
+    return f"{release >> 24 & 0xFF}.{release >> 16 & 0xFF}" if isinstance(release, int) and release else None
 
 
 def _system_id(log: ULog, parameters: dict[str, Any]) -> int:

@@ -1,6 +1,7 @@
 """PX4's words in MAVLink: flight modes, the commands we send, and what its state messages mean.
 
-Source: PX4 `px4_custom_mode.h`; https://mavlink.io/en/messages/common.html and development.html (CURRENT_MODE).
+Source: PX4 `px4_custom_mode.h` of v1.17 and v1.18, which differ in GUIDED_COURSE alone;
+https://mavlink.io/en/messages/common.html and development.html (CURRENT_MODE).
 """
 
 from __future__ import annotations
@@ -16,11 +17,16 @@ _MAIN_AUTO = 4
 
 
 class Mode(IntEnum):
-    """PX4 flight modes as `custom_mode` of HEARTBEAT and CURRENT_MODE: main mode << 16, sub mode << 24."""
+    """PX4 flight modes as `custom_mode` of HEARTBEAT and CURRENT_MODE: main mode << 16, sub mode << 24.
+
+    Descend has no number of its own: PX4 tells it as LAND.
+    """
 
     MANUAL = 1 << 16
     ALTITUDE = 2 << 16
     POSITION = 3 << 16
+    ORBIT = 3 << 16 | 1 << 24
+    POSITION_SLOW = 3 << 16 | 2 << 24
     ACRO = 5 << 16
     OFFBOARD = 6 << 16
     STABILIZED = 7 << 16
@@ -29,8 +35,20 @@ class Mode(IntEnum):
     MISSION = _MAIN_AUTO << 16 | 4 << 24
     RETURN = _MAIN_AUTO << 16 | 5 << 24
     LAND = _MAIN_AUTO << 16 | 6 << 24
-    DESCEND = 11 << 16
+    FOLLOW_TARGET = _MAIN_AUTO << 16 | 8 << 24
+    PRECISION_LAND = _MAIN_AUTO << 16 | 9 << 24
+    VTOL_TAKEOFF = _MAIN_AUTO << 16 | 10 << 24
+    EXTERNAL_1 = _MAIN_AUTO << 16 | 11 << 24  # modes that a companion registers
+    EXTERNAL_2 = _MAIN_AUTO << 16 | 12 << 24
+    EXTERNAL_3 = _MAIN_AUTO << 16 | 13 << 24
+    EXTERNAL_4 = _MAIN_AUTO << 16 | 14 << 24
+    EXTERNAL_5 = _MAIN_AUTO << 16 | 15 << 24
+    EXTERNAL_6 = _MAIN_AUTO << 16 | 16 << 24
+    EXTERNAL_7 = _MAIN_AUTO << 16 | 17 << 24
+    EXTERNAL_8 = _MAIN_AUTO << 16 | 18 << 24
+    GUIDED_COURSE = _MAIN_AUTO << 16 | 19 << 24  # from v1.18
     TERMINATION = 10 << 16
+    ALTITUDE_CRUISE = 11 << 16
 
 
 def mode_name(custom_mode: int) -> str:

@@ -59,8 +59,8 @@ _ASKING_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_REQUEST_MESSAGE,
         mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
-        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,
-        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,  # up to PX4 v1.17, as the next; mavsdk asks it and REQUEST_MESSAGE
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,  # in turns, whatever the version
     }
 )
 _REQUEST_DATA: Final = Layout("LOG_REQUEST_DATA")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.client import Client
 from companion.mavlink.services import Firmware, Services
 
-_INSTANCES: Final = range(3)  # of MAVLink, as MAV_0_MODE; absent where PX4 runs as a simulation
+_INSTANCES: Final = range(3)  # of MAVLink, as MAV_0_MODE; PX4 in simulation has them too, and does not use them
 _ONBOARD: Final = 2  # MAV_*_MODE
 
 
@@ -28,13 +28,16 @@ class VehicleReport(NamedTuple):
     odometry_hz: float | None
 
 
-def read_vehicle(client: Client, kinds: Mapping[str, type | None]) -> VehicleReport:
-    """Ask a connected vehicle; `kinds` are the parameters wanted and their types. Raises `LinkError`."""
+Kinds = Callable[[tuple[int, int, int]], Mapping[str, type | None]]
+
+
+def read_vehicle(client: Client, kinds: Kinds) -> VehicleReport:
+    """Ask a connected vehicle; `kinds`: from version to the parameters wanted, and their types. Raises `LinkError`."""
     began_s, odometry = time.monotonic(), client.heard[mavlink.MAVLINK_MSG_ID_ODOMETRY]
     with Services(client) as services:
         firmware = services.firmware()
         health = services.health()
-        found = services.parameters(kinds) | _link_rates(services)
+        found = services.parameters(kinds(firmware.version)) | _link_rates(services)
     seconds = time.monotonic() - began_s
     count = client.heard[mavlink.MAVLINK_MSG_ID_ODOMETRY] - odometry
     return VehicleReport(firmware, health, found, None if client.shared else count / seconds)
@@ -45,7 +48,7 @@ def _link_rates(services: Services) -> dict[str, int | float]:
     onboard = []
     for instance in _INSTANCES:
         mode = services.parameters({f"MAV_{instance}_MODE": int})
-        if not mode:  # a simulated PX4 has none of them: the first one's silence is enough to wait for
+        if not mode:  # one that has no such instance has no later one: one silence is enough to wait for
             break
         if _ONBOARD in mode.values():
             onboard.append(f"MAV_{instance}_RATE")

@@ -1,40 +1,37 @@
 """PX4 as a companion computer meets it, without sockets and without a wall clock.
 
-`Autopilot` steps a vehicle through simulated time and answers set-points and commands as PX4 v1.17 does: `commander`
+`Autopilot` steps a vehicle through simulated time and answers set-points and commands as PX4 does: `commander`
 decides which mode flies, `navigator` flies it, `commands` acts on both. What PX4 does that surprises is written where
 it is done.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from companion.control.types import GRAVITY_M_S2
-from sitl.autopilot import position_control
+from sitl.autopilot import offboard
+from sitl.autopilot.attitude_gains import AttitudeGains
+from sitl.autopilot.attitude_reference import AttitudeReference
 from sitl.autopilot.commander import Commander
-from sitl.autopilot.modes import AUTO_MODES, CUSTOM_MODE_ENABLED, STICK_MODES, FlightMode, LandedState, Severity
+from sitl.autopilot.land_detector import LandDetector
+from sitl.autopilot.modes import STICK_MODES, FlightMode, Severity
 from sitl.autopilot.navigator import Home, Navigator
-from sitl.autopilot.parameters import Parameters
-from sitl.autopilot.position_control import PositionControlParams, PositionControlSetpoint, PositionControlState
-from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration
+from sitl.autopilot.offboard import PositionFlight
+from sitl.autopilot.parameters import Parameters, Px4Version
+from sitl.autopilot.position_control import PositionControlSetpoint
+from sitl.autopilot.position_hold import AttitudeThrust, attitude_from_acceleration, yaw_of
 from sitl.autopilot.request_faults import RequestFaults
-from sitl.vehicles.rotation import turned
+from sitl.vehicles.rotation import Quaternion, turned
 from sitl.vehicles.vehicle import Quadrotor, Vehicle, VehicleState
 from sitl.world.estimator_status import NOMINAL
 
 PHYSICS_DT_US: Final = 1_000
 CONTROL_DT_US: Final = 10_000
-_PX4_POSITION_CONTROL: Final = PositionControlParams()
-LAND_DETECTION_US: Final = 1_000_000
-LANDED_THRUST_SHARE: Final = 0.3  # of hover thrust: below, a vehicle on the ground counts as landed
-
-ATTITUDE_IGNORE: Final = 0x80  # ATTITUDE_TARGET_TYPEMASK
-THROTTLE_IGNORE: Final = 0x40
-THRUST_BODY_SET: Final = 0x20
-ROLL_OR_PITCH_RATE_IGNORE: Final = 0x03
+RESETS_AT_START: Final = 11  # of EKF2, each time it has found itself on the ground
+RESET_CLIMB_M: Final = 1.5  # and once more so far above home
+COMPANION_LOST_US: Final = 6_500_000  # COM_OBC_LOSS_T after its heartbeats are missed
 
 
 class Notice(NamedTuple):
@@ -49,25 +46,30 @@ class Autopilot:
 
     Attributes:
         time_us: simulated time since boot; moves in steps of the physics.
-        setpoint: attitude and thrust that the attitude loop follows now.
+        setpoint: attitude and thrust that are flown now; in v1.18 the attitude loop follows a reference model of it. An
+            attitude that is no number leaves the rotation uncontrolled.
+        told: the last attitude and thrust that OFFBOARD was told, as they were sent; for ATTITUDE_TARGET.
         commander: arming and modes.
         home: where it was armed last.
+        like_px4: whether ODOMETRY and CURRENT_MODE come when PX4 sends them, and resets are counted as EKF2 does.
         reset_counter: of the estimator, for ODOMETRY.
         notices: status texts nobody has taken yet.
         estimate: what the autopilot believes about its state; the truth unless replaced.
         heading_error_rad: of the estimate, which the attitude loop turns the vehicle by.
         health: what the estimator says of itself.
-        stamp_us: what ODOMETRY says the time is, from the time; the time itself unless replaced.
+        stamp_us: what ODOMETRY and TIMESYNC say the time is, from the time; the time itself unless replaced.
         request_faults: what it does wrong with requests; `None` for a healthy autopilot.
         on_control, on_setpoint: called with the time at every control step, and with every set-point that is executed
             (attitude, thrust, type mask), before they take effect.
     """
 
-    def __init__(self, vehicle: Vehicle, parameters: Parameters | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, parameters: Parameters | None = None, *, like_px4: bool = False) -> None:
         self.vehicle = vehicle
+        self.like_px4 = like_px4
         self.parameters = parameters or Parameters({"MPC_THR_HOVER": vehicle.hover_thrust})
         self.time_us = 0
-        self.reset_counter = 0
+        self.reset_counter = RESETS_AT_START if like_px4 else 0
+        self._counts_climb = like_px4
         self.notices: deque[Notice] = deque(maxlen=32)
         self.estimate: Callable[[], VehicleState] = self.truth
         self.heading_error_rad = 0.0
@@ -80,11 +82,15 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, vehicle.hover_thrust, vehicle.can_fly)
         self.home = Home(vehicle.state.position_ned_m, vehicle.state.q_wxyz, 0)
         self.setpoint = AttitudeThrust(vehicle.state.q_wxyz, 0.0)
-        self._position_target: tuple[PositionControlSetpoint, float] | None = None  # with its yaw
-        self._position_control = PositionControlState()
+        v1_17 = self.parameters.version is Px4Version.V1_17
+        self._reference = None if v1_17 else AttitudeReference(self.parameters)
+        self.told: AttitudeThrust | None = None
+        self._position_flight = PositionFlight()
         self._next_control_us = 0
         self._flying_mode = self.commander.mode
-        self._contact_since_us: int | None = 0
+        self._land_detector = LandDetector(self.parameters, vehicle.hover_thrust)
+        self._gains = AttitudeGains(self.parameters)
+        self._companion_heard_us: int | None = None
 
     # --- time -------------------------------------------------------------------------------------------------------
 
@@ -99,6 +105,8 @@ class Autopilot:
                 self._control()
                 self._next_control_us = now + CONTROL_DT_US
             q_wxyz, thrust = self.setpoint
+            if self._reference is not None:
+                q_wxyz = self._reference.follow(q_wxyz, now)
             if self.heading_error_rad:
                 q_wxyz = turned(q_wxyz, -self.heading_error_rad)
             until = min(last, self._next_control_us - PHYSICS_DT_US)
@@ -114,6 +122,11 @@ class Autopilot:
         if self.request_faults is not None:
             for late in self.request_faults.due(self.time_us):
                 commander.request(late, self.time_us)
+        self._gains.follow(self.parameters, vehicle)
+        self._look_for_companion()
+        if self._counts_climb and self.home.position_ned_m[2] - vehicle.state.position_ned_m[2] > RESET_CLIMB_M:
+            self._counts_climb = False
+            self.reset_counter += 1
         self._detect_landing()
         commander.update(self.time_us)
         if not commander.armed or commander.mode is FlightMode.TERMINATION or commander.killed:
@@ -126,10 +139,10 @@ class Autopilot:
             self.follow_mode()
         mode = commander.mode
         if mode is FlightMode.OFFBOARD:  # the last set-point stands until another comes or COM_OF_LOSS_T has passed
-            if self._position_target is not None:
-                self._fly_to(*self._position_target)
+            if self._position_flight.target is not None:
+                self.setpoint = self._position_flight.step(self.estimate(), vehicle.hover_thrust, 1e-6 * CONTROL_DT_US)
             return
-        self._position_control = PositionControlState()
+        self._position_flight.rest()
         if mode in STICK_MODES and mode is not FlightMode.POSCTL:
             level = attitude_from_acceleration(0.0, 0.0, 0.0, self.navigator.yaw_rad)
             self.setpoint = AttitudeThrust(level, 0.0 if commander.landed else vehicle.hover_thrust)
@@ -140,26 +153,31 @@ class Autopilot:
             self.time_us,
             1e-6 * CONTROL_DT_US,
             on_ground=vehicle.on_ground(),
+            landed=commander.landed,
             armed_at_us=commander.armed_at_us,
         )
 
+    def _look_for_companion(self) -> None:
+        heard_us = self._companion_heard_us
+        if heard_us is not None and self.time_us - heard_us >= COMPANION_LOST_US:
+            self._companion_heard_us = None
+            self._notify(Severity.CRITICAL, "Connection to mission computer lost")
+
     def _detect_landing(self) -> None:
-        commander, now = self.commander, self.time_us
+        commander = self.commander
         if not self.vehicle.can_fly:  # a rig counts as flying while its motors carry it
             commander.landed = not commander.armed or commander.mode is FlightMode.LAND
             return
-        if not self.vehicle.on_ground():
-            if commander.landed and commander.armed:
-                self._notify(Severity.INFO, "Takeoff detected")
-            commander.landed = False
-            self._contact_since_us = None
-        elif commander.landed or self.setpoint.thrust > LANDED_THRUST_SHARE * self.vehicle.hover_thrust:
-            self._contact_since_us = None
-        elif self._contact_since_us is None:
-            self._contact_since_us = now
-        elif now - self._contact_since_us >= LAND_DETECTION_US:
-            commander.landed = True
-            self._notify(Severity.INFO, "Landing detected")
+        was_landed = commander.landed
+        commander.landed = self._land_detector.step(
+            self.time_us,
+            self.setpoint.thrust,
+            armed=commander.armed,
+            by_attitude=commander.mode is FlightMode.OFFBOARD and self._position_flight.target is None,
+            on_ground=self.vehicle.on_ground(),
+        )
+        if commander.armed and commander.landed is not was_landed:
+            self._notify(Severity.INFO, "Landing detected" if commander.landed else "Takeoff detected")
 
     def start_in_air(self, altitude_m: float, settle_s: float = 0.0) -> None:
         """Begin in Hold, armed, at an altitude over the ground, so that a flight need not begin with a take-off.
@@ -169,6 +187,7 @@ class Autopilot:
         now_us, self.time_us = self.time_us, self.time_us - round(1e6 * settle_s)
         self._next_control_us = self.time_us
         self.commander.start_in_air(self.time_us)
+        self._land_detector.landed = False
         if isinstance(self.vehicle, Quadrotor):
             self.home = Home(self.vehicle.state.position_ned_m, self.vehicle.state.q_wxyz, now_us)
             self.vehicle.lift_to(-altitude_m)
@@ -180,97 +199,65 @@ class Autopilot:
         """Simulated time since boot."""
         return self.time_us
 
+    @property
+    def told_us(self) -> int:
+        """What its own clock says the time is, as ODOMETRY and TIMESYNC tell it."""
+        return self.time_us if self.stamp_us is None else self.stamp_us(self.time_us)
+
     # --- what it tells ----------------------------------------------------------------------------------------------
 
     def truth(self) -> VehicleState:
         """The vehicle's true state, which it does not know."""
         return self.vehicle.state
 
-    @property
-    def landed_state(self) -> LandedState:
-        """EXTENDED_SYS_STATE.landed_state."""
-        if self.commander.landed:
-            return LandedState.ON_GROUND
-        if self.commander.mode is FlightMode.TAKEOFF:
-            return LandedState.TAKEOFF
-        return LandedState.LANDING if self.navigator.landing else LandedState.IN_AIR
-
-    @property
-    def base_mode(self) -> int:
-        """HEARTBEAT.base_mode (MAV_MODE_FLAG)."""
-        mode = self.commander.mode
-        flags = CUSTOM_MODE_ENABLED | (128 if self.commander.armed else 0)
-        if mode in AUTO_MODES:
-            return flags | 4 | 8 | 16
-        if mode in STICK_MODES:
-            return flags | 16 | 64
-        return flags | 16 if mode is FlightMode.OFFBOARD else flags
-
-    @property
-    def system_status(self) -> int:
-        """HEARTBEAT.system_status (MAV_STATE)."""
-        commander = self.commander
-        if commander.mode is FlightMode.TERMINATION or commander.killed:
-            return 8
-        if commander.armed:
-            return 5 if commander.failsafe else 4
-        return 3 if commander.can_arm(self.time_us) else 0
-
     # --- what it is told --------------------------------------------------------------------------------------------
 
+    def on_companion_heartbeat(self) -> None:
+        """A heartbeat of MAV_TYPE_ONBOARD_CONTROLLER has come."""
+        self._companion_heard_us = self.time_us
+
+    @property
+    def attitude_target(self) -> AttitudeThrust:
+        """What ATTITUDE_TARGET tells: what OFFBOARD was told, unchanged; in other modes what is flown."""
+        flown_as_told = self.commander.mode is FlightMode.OFFBOARD and self._position_flight.target is None
+        return self.told if flown_as_told and self.told is not None else self.setpoint
+
     def on_attitude_target(
-        self, q_wxyz: tuple[float, float, float, float], thrust: float, type_mask: int = 0x07
+        self, q_wxyz: Quaternion, thrust: float, type_mask: int = 0x07, yaw_rate_rad_s: float = 0.0
     ) -> None:
         """SET_ATTITUDE_TARGET, executed on arrival: PX4 neither validates it nor looks at its time stamp.
 
-        A throttle-ignore bit means zero thrust. A set-point that is no number keeps OFFBOARD alive, but motors told
-        nothing finite stand still, so it too means zero thrust here. Body rates alone keep OFFBOARD alive; the plant
-        does not fly them.
+        Body rates alone keep OFFBOARD alive; the plant does not fly them.
         """
         if self.on_setpoint is not None:
             self.on_setpoint(q_wxyz, thrust, type_mask)
-        attitude = not type_mask & ATTITUDE_IGNORE
-        if not attitude and type_mask & ROLL_OR_PITCH_RATE_IGNORE:
+        if not offboard.is_signal(type_mask, self.parameters.version):
             return
+        self._position_flight.target = None
+        self._stream_arrived()
         commander = self.commander
-        self._position_target = None
+        flown = commander.mode is FlightMode.OFFBOARD and commander.armed and not commander.killed
+        if flown and offboard.has_attitude(type_mask):
+            yaw_gain_1_s = self.parameters.number("MC_YAW_P")
+            self.told = offboard.told(q_wxyz, thrust, type_mask)
+            self.setpoint = offboard.by_attitude(q_wxyz, thrust, type_mask, yaw_rate_rad_s, yaw_gain_1_s)
+
+    def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float | None) -> None:
+        """A position set-point, flown by PX4's own position controller for as long as OFFBOARD is.
+
+        `yaw_rad`: `None` keeps the heading.
+        """
+        target = self._position_flight.target
+        if yaw_rad is None:
+            yaw_rad = yaw_of(self.estimate().q_wxyz) if target is None else target[1]
+        self._position_flight.target = setpoint, yaw_rad
+        self._stream_arrived()
+
+    def _stream_arrived(self) -> None:
+        commander = self.commander
         commander.setpoint_arrived(self.time_us)
         if commander.user_mode is FlightMode.OFFBOARD and commander.mode is not FlightMode.OFFBOARD:
             commander.update(self.time_us)  # the stream is back: OFFBOARD again, from whatever the failsafe flew
-        if not attitude or commander.mode is not FlightMode.OFFBOARD or not commander.armed or commander.killed:
-            return
-        if type_mask & (THROTTLE_IGNORE | THRUST_BODY_SET):
-            thrust = 0.0
-        w, x, y, z = q_wxyz
-        norm = math.sqrt(w * w + x * x + y * y + z * z)
-        if not (0.0 < norm < math.inf) or math.isnan(thrust):
-            self.setpoint = AttitudeThrust(self.setpoint.q_wxyz, 0.0)
-            return
-        thrust = 0.0 if thrust < 0.0 else min(thrust, 1.0)  # what motors can do
-        self.setpoint = AttitudeThrust((w / norm, x / norm, y / norm, z / norm), thrust)
-
-    def on_position_target(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
-        """A position set-point, flown by PX4's own position controller for as long as OFFBOARD is.
-
-        What SET_POSITION_TARGET_LOCAL_NED asks for; the links of the plant do not take that message yet.
-        """
-        self._position_target = setpoint, yaw_rad
-        self.commander.setpoint_arrived(self.time_us)
-
-    def _fly_to(self, setpoint: PositionControlSetpoint, yaw_rad: float) -> None:
-        at = self.estimate()
-        self._position_control, thrust = position_control.step(
-            _PX4_POSITION_CONTROL,
-            self._position_control,
-            at.position_ned_m,
-            at.velocity_ned_m_s,
-            setpoint,
-            self.vehicle.hover_thrust,
-            1e-6 * CONTROL_DT_US,
-        )
-        size = math.hypot(*thrust)
-        ax, ay, az = (GRAVITY_M_S2 * part / size for part in thrust)
-        self.setpoint = AttitudeThrust(attitude_from_acceleration(ax, ay, az + GRAVITY_M_S2, yaw_rad), min(size, 1.0))
 
     def follow_mode(self, takeoff_altitude_m: float | None = None) -> None:
         """Let the navigator begin what the commander has decided. `takeoff_altitude_m`: above home."""

@@ -1,8 +1,9 @@
 """Who decides: armed or not, which mode was asked for, which mode flies.
 
-The rules are those of PX4 v1.17 (`commander/Commander.cpp`, `UserModeIntention.cpp`, `failsafe/`), for a multicopter
-with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested mode is kept,
-so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode in between.
+The rules are those of PX4 v1.17 and v1.18 (`commander/Commander.cpp`, `UserModeIntention.cpp`, `failsafe/`), for a
+multicopter with a valid estimate. The requested mode and the flying mode differ while a failsafe acts; the requested
+mode is kept, so that a stream that resumes puts PX4 back in OFFBOARD by itself, unless somebody asked for another mode
+in between.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from sitl.autopilot.modes import PREVENT_ARMING, STICK_MODES, FlightMode, Severity
-from sitl.autopilot.parameters import ManualLossAction, OffboardLossAction, Parameters
+from sitl.autopilot.modes import AUTO_MODES, EXTERNAL_MODES, PREVENT_ARMING, STICK_MODES, FlightMode, Severity
+from sitl.autopilot.parameters import ManualLossAction, OffboardLossAction, Parameters, Px4Version
 
 Notify = Callable[[Severity, str], None]
 
 KILL_DISARM_US: Final = 5_000_000
+STREAM_SLACK_US: Final = 40_000  # over COM_OF_LOSS_T: 1.0 Hz keeps OFFBOARD, 0.95 Hz does not
 
 _OFFBOARD_LOSS_MODE: dict[int, FlightMode] = {
     OffboardLossAction.POSITION: FlightMode.POSCTL,
@@ -71,10 +73,10 @@ class Commander:
     # --- what is possible -------------------------------------------------------------------------------------------
 
     def offboard_signal(self, now_us: int) -> bool:
-        """Whether the last set-point is younger than COM_OF_LOSS_T."""
+        """Whether the last set-point is younger than COM_OF_LOSS_T, as PX4 counts it."""
         if self._setpoint_at_us is None:
             return False
-        return now_us < self._setpoint_at_us + int(1e6 * self._parameters.number("COM_OF_LOSS_T"))
+        return now_us < self._setpoint_at_us + int(1e6 * self._parameters.number("COM_OF_LOSS_T")) + STREAM_SLACK_US
 
     def can_run(self, mode: FlightMode, now_us: int) -> bool:
         """Whether a mode has what it needs."""
@@ -82,9 +84,9 @@ class Commander:
             return self.offboard_signal(now_us)
         if mode in STICK_MODES:
             return self.manual_control
-        if mode is FlightMode.MISSION:
-            return False  # the plant holds no mission
-        if mode in (FlightMode.TAKEOFF, FlightMode.RTL):
+        if mode is FlightMode.MISSION or mode in EXTERNAL_MODES:
+            return False  # the plant holds no mission, and nobody has registered a mode
+        if mode in (FlightMode.TAKEOFF, FlightMode.RTL, FlightMode.GUIDED_COURSE):
             return self._can_fly and self.position_valid
         return mode is not FlightMode.HOLD or self.position_valid
 
@@ -139,6 +141,23 @@ class Commander:
         self._notify(Severity.INFO, f"Disarmed by {reason}")
         self.update(now_us)
         return True
+
+    def sticks_moved(self, now_us: int, travel_percent: float, speed_1_s: float) -> bool:
+        """Sticks that a pilot moves so far from where they were, so fast; whether that takes control: Position then.
+
+        v1.17 goes by the distance (COM_RC_STICK_OV), in OFFBOARD only where COM_RC_OVERRIDE has its second bit; v1.18
+        by the speed (MAN_OVERRIDE_SPD), in OFFBOARD as in Hold.
+        """
+        self.manual_control = True
+        offboard = self.mode is FlightMode.OFFBOARD
+        if not self.armed or not (offboard or self.mode in AUTO_MODES):
+            return False
+        if self._parameters.version is Px4Version.V1_17:
+            allowed = self._parameters.integer("COM_RC_OVERRIDE") & (2 if offboard else 1)
+            taken = bool(allowed) and travel_percent > self._parameters.number("COM_RC_STICK_OV")
+        else:
+            taken = 0.0 <= self._parameters.number("MAN_OVERRIDE_SPD") < speed_1_s
+        return taken and self.request(FlightMode.POSCTL, now_us)
 
     def kill(self, now_us: int) -> None:
         """The pilot's kill switch: the motors stop, the vehicle stays armed for a while (`COM_KILL_DISARM`)."""
@@ -196,9 +215,13 @@ class Commander:
         if action == ManualLossAction.DISARM:
             self._failsafe_disarm()
             return self.user_mode, False
+        v1_17 = self._parameters.version is Px4Version.V1_17
+        if action == ManualLossAction.HOLD_NO_FAILSAFE and self.user_mode in STICK_MODES and not v1_17:
+            self.user_mode = FlightMode.HOLD  # an ordinary change of mode
+            return self._achievable(FlightMode.HOLD), False
         mode = _MANUAL_LOSS_MODE.get(action)
         if mode is None:
-            return self.user_mode, False  # disabled: fly on with what there is
+            return self.user_mode, False  # fly on with what there is: OFFBOARD too, with its last set-point
         return self._achievable(mode), True
 
     def _achievable(self, mode: FlightMode) -> FlightMode:

@@ -1,4 +1,4 @@
-"""What the autopilot is asked to do: PX4's MAV_CMDs, each with every answer that PX4 v1.17 gives."""
+"""What the autopilot is asked to do: PX4's MAV_CMDs, each with every answer that PX4 gives."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 from companion.mavlink.px4 import Result
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import GlobalPosition, to_local
-from sitl.autopilot.modes import CUSTOM_MODE_ENABLED, FlightMode, from_main_sub
+from sitl.autopilot.modes import CUSTOM_MODE_ENABLED, MAIN_MODES, FlightMode, from_main_sub, from_standard
 from sitl.autopilot.navigator import Home
+from sitl.autopilot.parameters import Px4Version
 from sitl.autopilot.request_faults import Answer
 
 FORCE: Final = 21196  # MAV_CMD_COMPONENT_ARM_DISARM, parameter 2
@@ -35,7 +36,7 @@ Results = tuple[Result, ...]
 def execute(autopilot: Autopilot, command: VehicleCommand) -> Results:
     """Execute a command; every answer PX4 sends, in order.
 
-    DO_SET_MODE has two: the link says ACCEPTED before the commander decides.
+    DO_SET_MODE has two in v1.17, where the link says ACCEPTED before the commander decides; v1.18 sends the decision.
     """
     how = _COMMANDS.get(command.number)
     if how is None:
@@ -47,10 +48,12 @@ def execute(autopilot: Autopilot, command: VehicleCommand) -> Results:
 
 def set_mode(autopilot: Autopilot, base_mode: int, main_mode: int, sub_mode: int) -> Result:
     """The decision on DO_SET_MODE, and on the SET_MODE message. The navigator follows at the next control step."""
-    if not base_mode & CUSTOM_MODE_ENABLED:
-        mode: FlightMode | None = FlightMode.POSCTL if base_mode & 64 else None
-    else:
-        mode = from_main_sub(main_mode, sub_mode)
+    version = autopilot.parameters.version
+    custom = bool(base_mode & CUSTOM_MODE_ENABLED)
+    named = main_mode in MAIN_MODES if custom else bool(base_mode & 64)
+    if not named:  # nothing is done; v1.17 does not say so
+        return Result.ACCEPTED if version is Px4Version.V1_17 else Result.TEMPORARILY_REJECTED
+    mode = from_main_sub(main_mode, sub_mode, version) if custom else FlightMode.POSCTL
     if mode is None:
         return Result.TEMPORARILY_REJECTED
     return switch(autopilot, mode, force=mode is FlightMode.LAND)
@@ -75,7 +78,15 @@ def _land(autopilot: Autopilot, _: VehicleCommand) -> Results:
 
 
 def _set_mode(autopilot: Autopilot, command: VehicleCommand) -> Results:
-    return Result.ACCEPTED, set_mode(autopilot, _whole(command.p1), _whole(command.p2), _whole(command.p3))
+    decision = set_mode(autopilot, _whole(command.p1), _whole(command.p2), _whole(command.p3))
+    return (Result.ACCEPTED, decision) if autopilot.parameters.version is Px4Version.V1_17 else (decision,)
+
+
+def _set_standard_mode(autopilot: Autopilot, command: VehicleCommand) -> Results:
+    mode = from_standard(_whole(command.p1))
+    if mode is None:
+        return (Result.DENIED,)
+    return (switch(autopilot, mode, force=mode is FlightMode.LAND),)
 
 
 def _take_off(autopilot: Autopilot, command: VehicleCommand) -> Results:
@@ -104,7 +115,7 @@ def _arm_disarm(autopilot: Autopilot, command: VehicleCommand) -> Results:
     elif action == 0:
         done = commander.disarm(now, "command", force=force)
     else:
-        return (Result.UNSUPPORTED,)
+        return ()  # neither: PX4 says nothing at all
     return (Result.ACCEPTED if done else Result.TEMPORARILY_REJECTED,)
 
 
@@ -145,6 +156,14 @@ def _reboot(_: Autopilot, command: VehicleCommand) -> Results:
     return (Result.ACCEPTED if _whole(command.p1) == 0 else Result.DENIED,)
 
 
+def _change_speed(_: Autopilot, __: VehicleCommand) -> Results:
+    return (Result.ACCEPTED,)  # the plant flies none but its own
+
+
+def _calibrate(autopilot: Autopilot, _: VehicleCommand) -> Results:
+    return (Result.TEMPORARILY_REJECTED if autopilot.commander.armed else Result.ACCEPTED,)
+
+
 def _run_prearm_checks(_: Autopilot, __: VehicleCommand) -> Results:
     return (Result.ACCEPTED,)
 
@@ -158,11 +177,14 @@ _COMMANDS: Final[dict[int, Callable[[Autopilot, VehicleCommand], Results]]] = { 
     21: _land,
     22: _take_off,
     176: _set_mode,
+    178: _change_speed,
     179: _set_home,
     185: _terminate,
     192: _reposition,
+    241: _calibrate,
     245: _storage,
     246: _reboot,
+    262: _set_standard_mode,
     400: _arm_disarm,
     401: _run_prearm_checks,
 }

@@ -1,13 +1,15 @@
 """PX4's flight modes, their number on the wire, and the answers an autopilot gives.
 
-Numbers are those of PX4 v1.17 (`msg/versioned/VehicleStatus.msg`, `commander/px4_custom_mode.h`) and of MAVLink
-(MAV_RESULT, MAV_LANDED_STATE, MAV_STANDARD_MODE: https://mavlink.io/en/messages/development.html).
+Numbers are those of PX4 v1.17 and v1.18 (`msg/versioned/VehicleStatus.msg`, `commander/px4_custom_mode.h`) and of
+MAVLink (MAV_RESULT, MAV_LANDED_STATE, MAV_STANDARD_MODE: https://mavlink.io/en/messages/development.html).
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
 from typing import Final
+
+from sitl.autopilot.parameters import Px4Version
 
 
 class FlightMode(IntEnum):
@@ -19,12 +21,22 @@ class FlightMode(IntEnum):
     MISSION = 3
     HOLD = 4  # AUTO.LOITER
     RTL = 5
+    GUIDED_COURSE = 7  # from v1.18
+    ALTITUDE_CRUISE = 8
     ACRO = 10
     TERMINATION = 13
     OFFBOARD = 14
     STABILIZED = 15
     TAKEOFF = 17
     LAND = 18
+    EXTERNAL_1 = 23  # modes that a companion may register (px4-ros2-interface-lib); nobody does here
+    EXTERNAL_2 = 24
+    EXTERNAL_3 = 25
+    EXTERNAL_4 = 26
+    EXTERNAL_5 = 27
+    EXTERNAL_6 = 28
+    EXTERNAL_7 = 29
+    EXTERNAL_8 = 30
 
 
 class LandedState(IntEnum):
@@ -45,12 +57,29 @@ class Severity(IntEnum):
 
 
 STICK_MODES: Final = frozenset(
-    {FlightMode.MANUAL, FlightMode.ALTCTL, FlightMode.POSCTL, FlightMode.ACRO, FlightMode.STABILIZED}
+    {
+        FlightMode.MANUAL,
+        FlightMode.ALTCTL,
+        FlightMode.ALTITUDE_CRUISE,
+        FlightMode.POSCTL,
+        FlightMode.ACRO,
+        FlightMode.STABILIZED,
+    }
 )
 """Modes that need a pilot's sticks."""
 
+EXTERNAL_MODES: Final = tuple(mode for mode in FlightMode if mode.name.startswith("EXTERNAL_"))
+"""Modes that somebody outside the autopilot flies, in the order of their numbers."""
+
 AUTO_MODES: Final = frozenset(
-    {FlightMode.MISSION, FlightMode.HOLD, FlightMode.RTL, FlightMode.TAKEOFF, FlightMode.LAND}
+    {
+        FlightMode.MISSION,
+        FlightMode.HOLD,
+        FlightMode.RTL,
+        FlightMode.TAKEOFF,
+        FlightMode.LAND,
+        FlightMode.GUIDED_COURSE,
+    }
 )
 """Modes that the autopilot flies by itself."""
 
@@ -74,6 +103,9 @@ _MAIN_SUB: Final[dict[FlightMode, tuple[int, int]]] = {
     FlightMode.OFFBOARD: (6, 0),
     FlightMode.STABILIZED: (7, 0),
     FlightMode.TERMINATION: (10, 0),
+    FlightMode.ALTITUDE_CRUISE: (11, 0),
+    **{mode: (_MAIN_AUTO, 11 + place) for place, mode in enumerate(EXTERNAL_MODES)},
+    FlightMode.GUIDED_COURSE: (_MAIN_AUTO, 19),
 }
 _FROM_WIRE: Final = {wire: mode for mode, wire in _MAIN_SUB.items() if mode is not FlightMode.TERMINATION}
 _STANDARD: Final = {
@@ -84,6 +116,15 @@ _STANDARD: Final = {
     FlightMode.LAND: 7,
     FlightMode.TAKEOFF: 8,
 }
+
+
+MAIN_MODES: Final = frozenset(main for main, _ in _MAIN_SUB.values())
+"""Main modes that there are."""
+
+
+def from_standard(standard: int) -> FlightMode | None:
+    """The mode that DO_SET_STANDARD_MODE names; `None` for one that the plant does not know."""
+    return next((mode for mode, number in _STANDARD.items() if number == standard), None)
 
 
 def custom_mode(mode: FlightMode) -> int:
@@ -97,8 +138,10 @@ def standard_mode(mode: FlightMode) -> int:
     return _STANDARD.get(mode, 0)
 
 
-def from_main_sub(main: int, sub: int) -> FlightMode | None:
-    """The mode that DO_SET_MODE names by its parameters 2 and 3; `None` for one that the plant does not know."""
+def from_main_sub(main: int, sub: int, version: Px4Version = Px4Version.V1_17) -> FlightMode | None:
+    """The mode that DO_SET_MODE names by its parameters 2 and 3; `None` for one that this PX4 does not know."""
+    if (main, sub) == _MAIN_SUB[FlightMode.GUIDED_COURSE] and version is Px4Version.V1_17:
+        return None
     if main == _MAIN_AUTO and sub == 0:
         return FlightMode.MISSION
     if main == _MAIN_SUB[FlightMode.POSCTL][0]:

@@ -80,14 +80,22 @@ class Navigator:
             self.yaw_rad = yaw_rad
 
     def step(
-        self, state: VehicleState, home: Home, now_us: int, dt_s: float, *, on_ground: bool, armed_at_us: int
+        self,
+        state: VehicleState,
+        home: Home,
+        now_us: int,
+        dt_s: float,
+        *,
+        on_ground: bool,
+        landed: bool,
+        armed_at_us: int,
     ) -> AttitudeThrust:
-        """Attitude and thrust for the next `dt_s`."""
+        """Attitude and thrust for the next `dt_s`. `on_ground`: the truth; `landed`: what PX4 believes."""
         if not self._can_fly:
             return self._step_rig(state, dt_s)
         if self._mode is FlightMode.TAKEOFF:
             return self._step_takeoff(state, now_us, dt_s, on_ground=on_ground, armed_at_us=armed_at_us)
-        if on_ground:  # nothing but a take-off lifts off
+        if on_ground and (landed or self.landing):  # nothing but a take-off lifts off
             self._hold.reset()
             return AttitudeThrust(attitude_from_acceleration(0.0, 0.0, 0.0, self.yaw_rad), 0.0)
         if self._mode is FlightMode.RTL:

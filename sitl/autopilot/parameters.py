@@ -1,7 +1,8 @@
 """PX4's parameters, as far as they matter to a companion computer.
 
-Names, types and defaults are those of PX4 v1.17 (`*_params.c`, `module.yaml`). On the wire an int32 travels bytewise in
-the float field (https://mavlink.io/en/services/parameter.html#parameter-encoding).
+Names, types and defaults are those of PX4 v1.17 and v1.18 (`*_params.c`, `*params.yaml`, `module.yaml`), asked of both
+in SITL. On the wire an int32 travels bytewise in the float field
+(https://mavlink.io/en/services/parameter.html#parameter-encoding).
 """
 
 from __future__ import annotations
@@ -9,10 +10,17 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from typing import Final, NamedTuple
 
 HASH_NAME: Final = "_HASH_CHECK"
+
+
+class Px4Version(StrEnum):
+    """The firmware that an autopilot is; what differs between them is asked of its parameters' `version`."""
+
+    V1_17 = "1.17"
+    V1_18 = "1.18"
 
 
 class ParamType(IntEnum):
@@ -55,9 +63,10 @@ class ManualLossAction(IntEnum):
     LAND = 3
     TERMINATE = 5
     DISARM = 6
+    HOLD_NO_FAILSAFE = 7  # from v1.18: an ordinary change to Hold, made for flights in OFFBOARD
 
 
-PX4_DEFAULTS: Final[Mapping[str, int | float]] = {
+_COMMON_DEFAULTS: Final[Mapping[str, int | float]] = {
     "BAT_CRIT_THR": 0.07,
     "BAT_EMERGEN_THR": 0.05,
     "BAT_LOW_THR": 0.15,
@@ -72,9 +81,13 @@ PX4_DEFAULTS: Final[Mapping[str, int | float]] = {
     "COM_RCL_EXCEPT": 0,
     "COM_RC_IN_MODE": 3,
     "COM_RC_LOSS_T": 0.5,
-    "COM_RC_OVERRIDE": 1,
     "COM_SPOOLUP_TIME": 1.0,
-    "COM_TAKEOFF_ACT": 0,
+    "MAV_0_MODE": 0,
+    "MAV_0_RATE": 1200,
+    "MAV_1_MODE": 2,
+    "MAV_1_RATE": 0,
+    "MAV_2_MODE": 0,
+    "MAV_2_RATE": 0,
     "MAV_COMP_ID": 1,
     "MAV_FWDEXTSP": 1,
     "MAV_PROTO_VER": 2,
@@ -106,6 +119,7 @@ PX4_DEFAULTS: Final[Mapping[str, int | float]] = {
     "MPC_LAND_ALT1": 10.0,
     "MPC_LAND_ALT2": 5.0,
     "MPC_LAND_SPEED": 0.7,
+    "MPC_MANTHR_MIN": 0.08,
     "MPC_THR_HOVER": 0.5,
     "MPC_THR_MAX": 1.0,
     "MPC_THR_MIN": 0.12,
@@ -126,6 +140,16 @@ PX4_DEFAULTS: Final[Mapping[str, int | float]] = {
     "SYS_AUTOSTART": 4001,
     "SYS_PARAM_VER": 1,
 }
+PX4_DEFAULTS: Final[Mapping[Px4Version, Mapping[str, int | float]]] = {
+    Px4Version.V1_17: {**_COMMON_DEFAULTS, "COM_RC_OVERRIDE": 1, "COM_RC_STICK_OV": 30.0, "COM_TAKEOFF_ACT": 0},
+    Px4Version.V1_18: {
+        **_COMMON_DEFAULTS,
+        "MAN_OVERRIDE_SPD": 1.0,
+        "MC_REF_FF": 0.0,
+        "MC_REF_FF_MAX": 100.0,
+        "MC_REF_W_N": 50.0,
+    },
+}
 """Defaults; an int is an int32 parameter and a float a float32 one. MPC_THR_HOVER is set to the vehicle's own."""
 
 _F32 = struct.Struct("<f")
@@ -136,13 +160,18 @@ _U32 = struct.Struct("<I")
 class Parameters:
     """The parameter store of one autopilot.
 
-    Args: `overrides` by name, laid over `PX4_DEFAULTS`. Raises `KeyError` for a name that is not a parameter and
-    `TypeError` for a float given to an int32 parameter.
+    Args: `overrides` by name, laid over the `PX4_DEFAULTS` of `version`. Raises `KeyError` for a name that is not a
+    parameter of that version and `TypeError` for a float given to an int32 parameter.
+    Attributes: `version`; `changes`, how often one was set.
     """
 
-    def __init__(self, overrides: Mapping[str, int | float] | None = None) -> None:
+    def __init__(
+        self, overrides: Mapping[str, int | float] | None = None, version: Px4Version = Px4Version.V1_17
+    ) -> None:
+        self.version = version
+        self.changes = 0
         self._values: dict[str, int | float] = {}
-        for name, value in PX4_DEFAULTS.items():
+        for name, value in PX4_DEFAULTS[version].items():
             self._values[name] = value if isinstance(value, int) else _as_float32(value)
         self._names = sorted(self._values)
         self._index = {name: index for index, name in enumerate(self._names)}
@@ -172,6 +201,7 @@ class Parameters:
 
     def set(self, name: str, value: float) -> None:
         """Set one parameter, rounded to the wire's 32 bits. As PX4 does, no range is enforced."""
+        self.changes += 1
         if isinstance(self._values[name], int):
             if not isinstance(value, int):
                 raise TypeError(f"{name} is an int32 parameter, got {value!r}")
@@ -180,7 +210,7 @@ class Parameters:
             self._values[name] = _as_float32(value)
 
     def wire(self, name: str) -> WireParameter | None:
-        """The PARAM_VALUE of a parameter, `None` for an unknown one: PX4 v1.17 answers that with silence."""
+        """The PARAM_VALUE of a parameter, `None` for an unknown one: PX4 answers that with silence."""
         if name == HASH_NAME:
             return WireParameter(HASH_NAME, _U32.pack(self.hash()), ParamType.UINT32, -1, len(self))
         stored = self._values.get(name)
@@ -210,6 +240,7 @@ class Parameters:
             if wire_type != ParamType.REAL32:
                 return None
             (self._values[name],) = _F32.unpack(raw_value)
+        self.changes += 1
         return self.wire(name)
 
     def hash(self) -> int:

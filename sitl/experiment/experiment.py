@@ -193,3 +193,8 @@ def _outcome(job: Job, summary: Summary, wall_s: float) -> Outcome:
 def realtime_factor(outcomes: list[Outcome]) -> float:
     """How much of the plant's time passed in a second of ours, all flights together."""
     return sum(o.flown_s for o in outcomes) / max(o.wall_s for o in outcomes)
+
+
+def tick_rate_hz(outcomes: list[Outcome]) -> float:
+    """How often the controllers ticked in a second of the plant's time: what came, and not what was asked for."""
+    return sum(len(o.flight.ticks) for o in outcomes) / max(sum(o.flown_s for o in outcomes), 1e-6)

@@ -15,11 +15,13 @@ from companion.mavlink.px4 import Result
 from sitl.autopilot import commands
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand
+from sitl.autopilot.parameters import Px4Version
+from sitl.messages.available_modes import available_modes
 from sitl.messages.streams import NEVER_US, Streams
 
 ANY: Final = 0
-_LINK_COMMANDS: Final = frozenset({410, 510, 511, 512, 519, 520})
-_TO_ANY_COMPONENT: Final = frozenset({519, 520})
+_LINK_COMMANDS: Final = frozenset({510, 511, 512})
+_TO_ANY_COMPONENT: Final = frozenset({519, 520})  # in v1.17, as the requests below: v1.18 does not know them
 _LEGACY_REQUESTS: Final = {
     410: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
     519: 300,  # PROTOCOL_VERSION: PX4 sends it, the dialect has dropped it, so it is denied here
@@ -52,6 +54,7 @@ class Commands:
         self._link = link
         self._autopilot = autopilot
         self._streams = streams
+        self._legacy = autopilot.parameters.version is Px4Version.V1_17
         self.odometry_requested = False
 
     def on_set_mode(self, frame: Frame, message: Any) -> None:
@@ -77,10 +80,14 @@ class Commands:
         command = VehicleCommand(
             message.command, message.param1, message.param2, message.param3, message.param4, p5, p6, p7
         )  # fmt: skip
-        to_any = command.number in _TO_ANY_COMPONENT and message.target_system in (self._link.address[0], ANY)
+        to_any = (
+            self._legacy
+            and command.number in _TO_ANY_COMPONENT
+            and message.target_system in (self._link.address[0], ANY)
+        )
         if not to_any and not self._link.for_us(message):
             return
-        if command.number in _LINK_COMMANDS:
+        if command.number in _LINK_COMMANDS or (self._legacy and command.number in _LEGACY_REQUESTS):
             self._acknowledge(frame, command.number, self._link_command(command))
             return
         for result in commands.execute(self._autopilot, command):
@@ -94,6 +101,8 @@ class Commands:
         if command.number == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if _number(command.p1) == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
                 return self._send_interval(command.p2)
+            if _number(command.p1) == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+                return self._send_modes(command.p2)
             return self._request(_number(command.p1))
         return self._request(_LEGACY_REQUESTS[command.number])
 
@@ -113,6 +122,12 @@ class Commands:
             mavlink.MAVLink_message_interval_message(message_id=max(number, 0) & 0xFFFF, interval_us=interval)
         )
         return Result.ACCEPTED
+
+    def _send_modes(self, index: float) -> Result:
+        modes = available_modes(index, self._autopilot.parameters.version)
+        for mode in modes:
+            self._link.send(mode)
+        return Result.ACCEPTED if modes else Result.DENIED
 
     def _request(self, message_id: int) -> Result:
         frame = self._streams.request(message_id)

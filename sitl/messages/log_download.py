@@ -2,21 +2,21 @@
 
 Every 10 ms at most, and then as one burst, whatever was asked for: on UDP PX4 knows no free buffer, so that a large
 request fills the receiver's socket before its reader wakes up. Data is served only once the logs have been listed, no
-request is checked for its target, an empty card and an unknown log are answered with silence, and the order of the list
-is the directory's, not that of time. LOG_ERASE is not obeyed while armed: here the plant is kinder than PX4, which
-deletes.
+request is checked for its target, an empty card and an unknown log are answered with silence, a request for no bytes
+with one packet, and the order of the list is the directory's, not that of time. A log that is being written is listed
+with the size of the moment and served as far as it has come. LOG_ERASE is not obeyed while armed: here the plant is
+kinder than PX4, which deletes.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Layout
+from sitl.messages.log_card import Log
 
 DATA_BYTES: Final = 90
 LOG_DATA: Final = Layout("LOG_DATA")
@@ -28,44 +28,13 @@ _PACKET_BYTES: Final = 12 + 97  # PX4 counts frame and payload
 Encode = Callable[..., bytes]
 
 
-class LogFile(NamedTuple):
-    """One log on the card."""
-
-    data: bytes
-    time_utc_s: int  # of its last change; 0 where the vehicle never knew the time
-
-
-def read_log(path: Path) -> LogFile:
-    """A file of this machine as a log of the vehicle. Raises `OSError`."""
-    return LogFile(path.read_bytes(), int(path.stat().st_mtime))
-
-
-def synthetic_log(size_bytes: int, seed: int = 0, time_utc_s: int | None = None) -> LogFile:
-    """A log of a given size with a ULog's header and framing; its bytes tell where they stand, so that a hole shows.
-
-    Raises `ValueError` for a size that holds no header and message: below 19 bytes.
-    """
-    if size_bytes < 19:
-        raise ValueError(f"a ULog has at least 19 bytes, not {size_bytes}")
-    parts = [b"ULog\x01\x125\x01" + (seed * 1_000_000).to_bytes(8, "little")]
-    left = size_bytes - 16
-    number = 0
-    while left > 0:
-        size = min(left, 259 if left >= 262 or left <= 259 else 256)  # never less than a message's head is left over
-        body = (number * 2654435761 + seed & 0xFFFFFFFF).to_bytes(4, "little") * 64
-        parts.append((size - 3).to_bytes(2, "little") + b"S" + body[: size - 3])
-        left -= size
-        number += 1
-    return LogFile(b"".join(parts), int(time.time()) if time_utc_s is None else time_utc_s)
-
-
 class LogDownload:
     """What one link answers about the logs.
 
     Attributes: `logs` of the vehicle, in the order of its directory; `sending` whether there is something to send.
     """
 
-    def __init__(self, logs: list[LogFile]) -> None:
+    def __init__(self, logs: list[Log]) -> None:
         self.logs = logs  # shared by the links: erased on one, they are gone on all
         self._listed = False
         self._list_next: int | None = None
@@ -94,7 +63,7 @@ class LogDownload:
         log = self.logs[message.id].data
         if message.ofs < len(log):
             self._log, self._id = log, message.id
-            self._offset, self._end = message.ofs, min(message.ofs + message.count, len(log))
+            self._offset, self._end = message.ofs, min(message.ofs + max(message.count, 1), len(log))
 
     def request_end(self, _: Any) -> None:
         """LOG_REQUEST_END."""

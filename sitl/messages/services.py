@@ -12,11 +12,14 @@ from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import CRC_BYTES, HEADER_BYTES, Encoder, Frame, Layout, decode_cold
-from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.autopilot import Autopilot, Notice
 from sitl.autopilot.modes import Severity
-from sitl.autopilot.parameters import HASH_NAME, WireParameter
+from sitl.autopilot.parameters import HASH_NAME, Px4Version, WireParameter
+from sitl.autopilot.position_control import PositionControlSetpoint
+from sitl.messages import file_transfer
 from sitl.messages.link_commands import ANY, Commands
-from sitl.messages.log_download import LOG_DATA, LogDownload, LogFile
+from sitl.messages.log_card import Log
+from sitl.messages.log_download import LOG_DATA, LogDownload
 from sitl.messages.streams import Streams
 from sitl.messages.telemetry import Telemetry
 
@@ -24,6 +27,9 @@ Reply = Callable[[Frame, Any], None]
 
 _SETPOINT: Final = Layout("SET_ATTITUDE_TARGET")
 _SETPOINT_ID: Final = _SETPOINT.message_id
+_POSITION_IGNORE: Final = 0x007  # POSITION_TARGET_TYPEMASK
+_VELOCITY_IGNORE: Final = 0x038
+_ACCELERATION_IGNORE: Final = 0x1C0
 
 
 class Services:
@@ -36,6 +42,7 @@ class Services:
         commands: what is answered to commands.
         ground_station_seen: whether a ground station's heartbeat came by; only then PX4 sends STATUSTEXT.
         changed: parameters set on this link, for the other links to tell.
+        new_signing_key: taken by SETUP_SIGNING, of no bytes where signing was ended; the owner of the link acts on it.
         ignored: frames that were not for this autopilot, or that nobody handles.
         logs: what is being downloaded; the owner of the link calls `send_logs` while it is `sending`.
     """
@@ -47,7 +54,7 @@ class Services:
         streams: Streams,
         system_id: int,
         component_id: int,
-        logs: list[LogFile] | None = None,
+        logs: list[Log] | None = None,
     ) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
@@ -64,6 +71,7 @@ class Services:
         self.replies: list[bytes] = []
         self.commands = Commands(self, autopilot, streams)
         self.changed: list[WireParameter] = []
+        self.new_signing_key: bytes | None = None
         self.setpoint_ms = -1
         self.ground_station_seen = False
         self.ignored = 0
@@ -80,19 +88,25 @@ class Services:
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self.commands.on_command_int,
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self.commands.on_command_long,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
+            mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._position_target,
+            mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: self._file_transfer,
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST: lambda _, message: self.logs.request_list(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA: lambda _, message: self.logs.request_data(message),
             mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END: lambda _, message: self.logs.request_end(message),
             mavlink.MAVLINK_MSG_ID_LOG_ERASE: lambda _, __: self.logs.erase(armed=autopilot.commander.armed),
         }
+        if autopilot.parameters.version is not Px4Version.V1_17:  # there SETUP_SIGNING does nothing
+            self._handlers[mavlink.MAVLINK_MSG_ID_SETUP_SIGNING] = self._setup_signing
 
     def handle(self, frame: Frame) -> None:
         """Take one frame; what there is to answer stands in `replies`."""
         if frame.message_id == _SETPOINT_ID:
-            time_ms, q0, q1, q2, q3, _, _, _, thrust, system, component, mask = self._unpack_setpoint(frame.payload)
+            time_ms, q0, q1, q2, q3, _, _, yaw_rate, thrust, system, component, mask = self._unpack_setpoint(
+                frame.payload
+            )
             if system in self._systems and component in self._components:
                 self.setpoint_ms = time_ms
-                self._on_attitude_target((q0, q1, q2, q3), thrust, mask)
+                self._on_attitude_target((q0, q1, q2, q3), thrust, mask, yaw_rate)
             else:
                 self.ignored += 1
             return
@@ -149,6 +163,8 @@ class Services:
     def _heartbeat(self, _: Frame, message: Any) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
             self.ground_station_seen = True
+        elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
+            self._autopilot.on_companion_heartbeat()
 
     def _ping(self, frame: Frame, message: Any) -> None:
         if message.target_system == ANY and message.target_component == ANY:
@@ -164,6 +180,31 @@ class Services:
     def _timesync(self, _: Frame, message: Any) -> None:
         if message.tc1 == 0:
             self.replies.append(self._telemetry.timesync_reply(self._streams.next_sequence(), message.ts1))
+
+    def _position_target(self, _: Frame, message: Any) -> None:
+        """A set-point by position, with its velocity and acceleration where they are not ignored; the plant flies no
+        other."""
+        ours = message.target_system in self._systems and message.target_component in self._components
+        mask = message.type_mask
+        if not ours or message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED or mask & _POSITION_IGNORE:
+            self.ignored += 1
+            return
+        still = (0.0, 0.0, 0.0)
+        self._autopilot.on_position_target(
+            PositionControlSetpoint(
+                (message.x, message.y, message.z),
+                still if mask & _VELOCITY_IGNORE else (message.vx, message.vy, message.vz),
+                still if mask & _ACCELERATION_IGNORE else (message.afx, message.afy, message.afz),
+            ),
+            None if mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw,
+        )
+
+    def _file_transfer(self, frame: Frame, message: Any) -> None:
+        if self.for_us(message):
+            payload = file_transfer.answer(bytes(message.payload), self.logs.logs)
+            self.send(
+                mavlink.MAVLink_file_transfer_protocol_message(0, frame.system_id, frame.component_id, list(payload))
+            )
 
     def _param_read(self, _: Frame, message: Any) -> None:
         if self.for_us(message):
@@ -186,6 +227,22 @@ class Services:
             if stored is not None:
                 self.send_parameter(stored)
                 self.changed.append(stored)
+
+    def _setup_signing(self, _: Frame, message: Any) -> None:
+        """A key of zeros ends signing; where it is on, only what is signed comes this far.
+
+        Source: `mavlink_main.cpp`, `mavlink_sign_control.cpp` of v1.18.
+        """
+        if not self.for_us(message):
+            return
+        if self._autopilot.commander.armed:
+            self._autopilot.notices.append(Notice(Severity.CRITICAL, "MAVLink signing: rejected while armed"))
+            return
+        key = bytes(message.secret_key)
+        blank = not any(key) and message.initial_timestamp == 0
+        self.new_signing_key = b"" if blank else key
+        text = "MAVLink signing disabled" if blank else "MAVLink signing key accepted"
+        self._autopilot.notices.append(Notice(Severity.INFO, text))
 
     def _mission_list(self, frame: Frame, message: Any) -> None:
         if self.for_us(message):

@@ -1,4 +1,4 @@
-"""The messages of the plant that go out rarely, as PX4 v1.17 fills them (`mavlink/streams/*.hpp`), by pymavlink."""
+"""The messages of the plant that go out rarely, as PX4 fills them (`mavlink/streams/*.hpp`), by pymavlink."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from companion.control import attitude
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import ORIGIN, to_global
 from sitl.autopilot.modes import custom_mode
+from sitl.autopilot.status import base_mode, landed_state, system_status
 
 Build = Callable[[int], bytes]
 
@@ -34,7 +35,7 @@ _HEALTHY: Final = (
     | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     | mavlink.MAV_SYS_STATUS_AHRS
 )
-_PX4_VERSION: Final = 1 << 24 | 17 << 16 | 0 << 8 | 255  # 1.17.0, release
+_RELEASE: Final = 255  # FIRMWARE_VERSION_TYPE
 _CAPABILITIES: Final = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
@@ -82,9 +83,9 @@ class StatusMessages:
         message = mavlink.MAVLink_heartbeat_message(
             type=mavlink.MAV_TYPE_QUADROTOR,
             autopilot=mavlink.MAV_AUTOPILOT_PX4,
-            base_mode=autopilot.base_mode,
+            base_mode=base_mode(autopilot),
             custom_mode=custom_mode(autopilot.commander.mode),
-            system_status=autopilot.system_status,
+            system_status=system_status(autopilot),
             mavlink_version=3,
         )
         return self.pack(message, sequence)
@@ -211,15 +212,17 @@ class StatusMessages:
 
     def extended_sys_state(self, sequence: int) -> bytes:
         message = mavlink.MAVLink_extended_sys_state_message(
-            vtol_state=mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state=int(self._autopilot.landed_state)
+            vtol_state=mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state=int(landed_state(self._autopilot))
         )
         return self.pack(message, sequence)
 
     def autopilot_version(self, sequence: int) -> bytes:
+        major, minor = map(int, self._autopilot.parameters.version.split("."))
+        version = major << 24 | minor << 16 | _RELEASE
         message = mavlink.MAVLink_autopilot_version_message(
             capabilities=_CAPABILITIES,
-            flight_sw_version=_PX4_VERSION,
-            middleware_sw_version=_PX4_VERSION,
+            flight_sw_version=version,
+            middleware_sw_version=version,
             os_sw_version=0,
             board_version=0,
             flight_custom_version=[0] * 8,

@@ -13,6 +13,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from sitl.messages.px4_timing import MODE_LOOK_US, ModeReports, SampledOdometry
 from sitl.messages.status_messages import Build
 from sitl.messages.telemetry import Telemetry
 
@@ -22,6 +23,7 @@ MAX_INTERVAL_US: Final = 1 << 31
 
 _ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY
 _HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+_CURRENT_MODE: Final = mavlink.MAVLINK_MSG_ID_CURRENT_MODE
 
 _ONBOARD_HZ: Final[Mapping[int, float]] = {
     mavlink.MAVLINK_MSG_ID_TIMESYNC: 10.0,
@@ -77,12 +79,13 @@ def default_intervals_us(profile: Profile) -> dict[int, int]:
 
 
 class _Stream:
-    """One periodic message."""
+    """One periodic message. `reports`: whether it is to be sent when it is due, which is when to look."""
 
-    __slots__ = ("build", "due_us", "interval_us", "sent_us")
+    __slots__ = ("build", "due_us", "interval_us", "reports", "sent_us")
 
-    def __init__(self, build: Build, interval_us: int, now_us: int) -> None:
+    def __init__(self, build: Build, interval_us: int, now_us: int, reports: ModeReports | None = None) -> None:
         self.build = build
+        self.reports = reports
         self.interval_us = interval_us
         self.sent_us = now_us
         self.due_us = now_us + interval_us
@@ -103,11 +106,16 @@ class Streams:
     """
 
     def __init__(self, telemetry: Telemetry, profile: Profile, now_us: int = 0) -> None:
-        self._builders = telemetry.builders
+        self._telemetry = telemetry
+        self._builders = {
+            message_id: self._noted(message_id, build) for message_id, build in telemetry.builders.items()
+        }
+        self._told: dict[int, object] = {}
         self._defaults = default_intervals_us(profile)
-        self._streams = {_HEARTBEAT: _Stream(self._builders[_HEARTBEAT], HEARTBEAT_INTERVAL_US, now_us)}
-        self._others = list(self._streams.values())
-        self._odometry: _Stream | None = None
+        heartbeat = _Stream(self._builders[_HEARTBEAT], HEARTBEAT_INTERVAL_US, now_us)
+        self._streams: dict[int, _Stream | SampledOdometry] = {_HEARTBEAT: heartbeat}
+        self._others = [heartbeat]
+        self._odometry: _Stream | SampledOdometry | None = None
         self.started = False
         self.sequence = 0
         self.odometry_due_us = NEVER_US
@@ -118,8 +126,32 @@ class Streams:
         if not self.started:
             self.started = True
             for message_id, interval in self._defaults.items():
-                self._streams[message_id] = _Stream(self._builders[message_id], interval, now_us)
+                self._streams[message_id] = self._stream(message_id, interval, now_us, now_us)
             self._sort()
+
+    def _noted(self, message_id: int, build: Build) -> Build:
+        """Remember what was told, where it is told only once."""
+        news = self._telemetry.news
+        if news(message_id) is None:
+            return build
+
+        def noted(sequence: int) -> bytes:
+            self._told[message_id] = news(message_id)
+            return build(sequence)
+
+        return noted
+
+    def _stream(self, message_id: int, interval_us: int, since_us: int, now_us: int) -> _Stream | SampledOdometry:
+        """One stream: of even intervals, or as PX4 has it. `since_us`: when it was sent last."""
+        telemetry = self._telemetry
+        if telemetry.like_px4 and message_id == _ODOMETRY:
+            return SampledOdometry(telemetry.odometry_sample, telemetry.odometry_of, interval_us, now_us)
+        build = self._builders[message_id]
+        if telemetry.like_px4 and message_id == _CURRENT_MODE:
+            return _Stream(build, MODE_LOOK_US, now_us, ModeReports(telemetry.modes, now_us))
+        stream = _Stream(build, interval_us, since_us)
+        stream.due_us = max(stream.due_us, now_us)
+        return stream
 
     def set_interval(self, message_id: int, interval_us: float, now_us: int) -> bool:
         """SET_MESSAGE_INTERVAL: negative stops, zero is the default rate; whether PX4 would say it is known.
@@ -137,8 +169,8 @@ class Streams:
             self._streams.pop(message_id, None)
         else:
             old = self._streams.get(message_id)
-            stream = self._streams[message_id] = _Stream(build, interval, old.sent_us if old else now_us)
-            stream.due_us = max(stream.due_us, now_us)
+            since_us = old.sent_us if old else now_us
+            self._streams[message_id] = self._stream(message_id, interval, since_us, now_us)
         self._sort()
         return True
 
@@ -148,9 +180,12 @@ class Streams:
         return stream.interval_us if stream else -1
 
     def request(self, message_id: int) -> bytes | None:
-        """One message out of turn; `None` where the plant does not have it."""
+        """One message out of turn; `None` where the plant does not have it, or where it has nothing new to tell."""
         build = self._builders.get(message_id)
-        return build(self.next_sequence()) if build else None
+        news = self._telemetry.news(message_id)
+        if build is None or (news is not None and self._told.get(message_id) == news):
+            return None
+        return build(self.next_sequence())
 
     def next_sequence(self) -> int:
         """The sequence number of one more frame."""
@@ -165,21 +200,31 @@ class Streams:
         earliest = NEVER_US
         for stream in self._others:
             if stream.due_us <= now_us:
-                frames.append(stream.build(self.next_sequence()))
+                if stream.reports is None or stream.reports.due(now_us):
+                    frames.append(stream.build(self.next_sequence()))
                 stream.sent(now_us)
             earliest = min(earliest, stream.due_us)
         self.others_due_us = earliest
 
-    def odometry(self, now_us: int, frames: list[bytes]) -> None:
-        """Append ODOMETRY if it is due."""
+    def odometry(self, now_us: int, frames: list[bytes]) -> bool:
+        """Append ODOMETRY if it is due; whether it was."""
         stream = self._odometry
-        if stream is not None and stream.due_us <= now_us:
-            frames.append(stream.build(self.next_sequence()))
+        if stream is None or stream.due_us > now_us:
+            return False
+        if isinstance(stream, SampledOdometry):
+            frame = stream.step(now_us, self.next_sequence)
+        else:
+            frame = stream.build(self.next_sequence())
             stream.sent(now_us)
-            self.odometry_due_us = stream.due_us
+        self.odometry_due_us = stream.due_us
+        if frame is None:
+            return False
+        frames.append(frame)
+        return True
 
     def _sort(self) -> None:
         self._odometry = self._streams.get(_ODOMETRY)
-        self._others = [stream for message_id, stream in self._streams.items() if message_id != _ODOMETRY]
+        others = [stream for message_id, stream in self._streams.items() if message_id != _ODOMETRY]
+        self._others = [stream for stream in others if isinstance(stream, _Stream)]
         self.odometry_due_us = self._odometry.due_us if self._odometry else NEVER_US
         self.others_due_us = min(stream.due_us for stream in self._others)

@@ -15,6 +15,7 @@ from companion.mavlink.codec import Encoder, Layout
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.geodesy import to_global
 from sitl.autopilot.modes import custom_mode, standard_mode
+from sitl.messages.px4_timing import MODE_INTERVAL_US
 from sitl.messages.status_messages import Build, StatusMessages, heading_deg, real, whole
 from sitl.vehicles.rotation import euler
 from sitl.world.estimator_status import Health
@@ -42,11 +43,12 @@ class Telemetry:
     Args: `autopilot` is what is told of; `system_id` and `component_id` are who tells; `unix_epoch_us` is the wall time
     at simulated time zero, for SYSTEM_TIME.
     Attributes: `builders` by message id; each takes the sequence number and returns the frame. `pack` frames a
-    pymavlink message.
+    pymavlink message. `like_px4` of the autopilot.
     """
 
     def __init__(self, autopilot: Autopilot, system_id: int, component_id: int, unix_epoch_us: int) -> None:
         self._autopilot = autopilot
+        self.like_px4 = autopilot.like_px4
         status = StatusMessages(autopilot, system_id, component_id, unix_epoch_us)
         self.pack: Callable[[Any, int], bytes] = status.pack
 
@@ -82,15 +84,17 @@ class Telemetry:
         }
 
     def odometry(self, sequence: int) -> bytes:
+        return self.odometry_of(sequence, self.odometry_sample())
+
+    def odometry_sample(self) -> tuple[float, ...]:
+        """The values of an ODOMETRY of now."""
         autopilot = self._autopilot
         position, velocity, q_wxyz, rates, _ = autopilot.estimate()
         if autopilot.health is not self._health:
             self._health = autopilot.health
             self._odometry_tail = (*covariances(self._health), 1, 1)
-        now_us = autopilot.time_us
-        return self._odometry(
-            sequence,
-            now_us if autopilot.stamp_us is None else autopilot.stamp_us(now_us),
+        return (
+            autopilot.told_us,
             *position,
             *q_wxyz,
             *velocity,
@@ -100,6 +104,10 @@ class Telemetry:
             mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
             0,
         )
+
+    def odometry_of(self, sequence: int, sample: tuple[float, ...]) -> bytes:
+        """The frame of a sample."""
+        return self._odometry(sequence, *sample)
 
     def attitude_quaternion(self, sequence: int) -> bytes:
         _, _, q_wxyz, rates, _ = self._autopilot.estimate()
@@ -136,8 +144,26 @@ class Telemetry:
         )
 
     def attitude_target(self, sequence: int) -> bytes:
-        q_wxyz, thrust = self._autopilot.setpoint
+        q_wxyz, thrust = self._autopilot.attitude_target
         return self._attitude_target(sequence, self._now_ms, *q_wxyz, 0.0, 0.0, 0.0, thrust, 0)
+
+    def modes(self) -> tuple[int, int]:
+        """What CURRENT_MODE tells: the mode that flies and the one intended."""
+        commander = self._autopilot.commander
+        return commander.mode, commander.user_mode
+
+    def news(self, message_id: int) -> object:
+        """What a message has to tell that is told only once: another value when there is something new.
+
+        `None` for a message that always has something new.
+        """
+        if message_id == mavlink.MAVLINK_MSG_ID_HOME_POSITION:
+            return self._autopilot.home
+        if message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            return message_id
+        if message_id == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:  # PX4 publishes its status twice a second
+            return (*self.modes(), self._now_us // MODE_INTERVAL_US)
+        return None
 
     def current_mode(self, sequence: int) -> bytes:
         commander = self._autopilot.commander
@@ -163,11 +189,11 @@ class Telemetry:
         )
 
     def timesync(self, sequence: int) -> bytes:
-        return self._timesync(sequence, 0, 1000 * self._now_us)
+        return self._timesync(sequence, 0, 1000 * self._autopilot.told_us)
 
     def timesync_reply(self, sequence: int, their_time_ns: int) -> bytes:
         """The answer to a TIMESYNC request that carried `their_time_ns`."""
-        return self._timesync(sequence, 1000 * self._now_us, their_time_ns)
+        return self._timesync(sequence, 1000 * self._autopilot.told_us, their_time_ns)
 
     @property
     def _now_us(self) -> int:

@@ -29,6 +29,34 @@ class PilotTakes(NamedTuple):
         run.autopilot.follow_mode()
 
 
+class SticksMove(NamedTuple):
+    """The pilot moves the sticks, in whatever mode: so far, so fast. What that does, PX4's parameters decide."""
+
+    travel_percent: float
+    speed_1_s: float
+
+    def happen(self, run: ScenarioRun) -> None:
+        run.autopilot.commander.sticks_moved(run.autopilot.time_us, self.travel_percent, self.speed_1_s)
+        run.autopilot.follow_mode()
+
+
+class PilotArms(NamedTuple):
+    """The pilot arms on the ground, as soon as it is in a mode."""
+
+    mode: FlightMode
+
+    def happen(self, run: ScenarioRun) -> None:
+        commander = run.autopilot.commander
+        armed = False
+
+        def arm(_: float) -> None:
+            nonlocal armed
+            if not armed and commander.mode is self.mode:
+                armed = commander.arm(run.autopilot.time_us)
+
+        run.each_step(arm)
+
+
 class PilotDisarms(NamedTuple):
     """The pilot disarms in the air."""
 

@@ -13,7 +13,7 @@ from sitl.vehicles.vehicle import Rig, Vector
 from sitl.wire.impairments import Channel, Impairments
 from sitl.world.environment import Wind
 from sitl.world.estimator import Lag, Noise
-from sitl.world.estimator_status import after_gps_loss, drift_after_gps_loss_m
+from sitl.world.estimator_status import NOMINAL, after_gps_loss, drift_after_gps_loss_m
 
 EVERYTHING: Final = Channel.ALL
 _STILL: Final = (0.0, 0.0, 0.0)
@@ -138,6 +138,7 @@ class LoseGps(NamedTuple):
     """As recorded from PX4: variances grow, position drifts, the flags drop at last."""
 
     towards: tuple[float, float] = (0.7, -0.7)  # north, east
+    for_s: float = math.inf
 
     def happen(self, run: ScenarioRun) -> None:
         north, east = self.towards
@@ -145,12 +146,34 @@ class LoseGps(NamedTuple):
 
         def lose(elapsed_s: float) -> None:
             nonlocal gone_m
+            if elapsed_s > self.for_s:
+                return
             run.autopilot.health = after_gps_loss(elapsed_s)
             step = drift_after_gps_loss_m(elapsed_s) - gone_m
             gone_m += step
             run.estimator.jump((step * north, step * east, 0.0))
 
         run.each_step(lose)
+
+
+class RegainGps(NamedTuple):
+    """As recorded from PX4: the estimate jumps, `counted` so many times in one sample, and then slides uncounted."""
+
+    counted: int = 4
+    jump_ned_m: Vector = (0.0, 0.0, 1.4)
+    slide_ned_m: Vector = _STILL
+    slide_s: float = 0.9
+
+    def happen(self, run: ScenarioRun) -> None:
+        autopilot = run.autopilot
+        autopilot.health = NOMINAL
+        autopilot.reset_counter = autopilot.reset_counter + self.counted & 255
+        run.estimator.jump(self.jump_ned_m)
+        if self.slide_ned_m == _STILL:
+            run.observer.mark()
+        else:
+            north, east, down = (part / self.slide_s for part in self.slide_ned_m)
+            Drift((north, east, down), self.slide_s).happen(run)
 
 
 class Doubt(NamedTuple):
@@ -171,6 +194,16 @@ class JumpClock(NamedTuple):
     def happen(self, run: ScenarioRun) -> None:
         off_us = round(1e6 * self.by_s)
         run.autopilot.stamp_us = lambda now_us: max(now_us + off_us, 0)
+
+
+class SlowClock(NamedTuple):
+    """PX4's clock runs at this rate from now on, as in a simulation that the machine is too slow for."""
+
+    rate: float
+
+    def happen(self, run: ScenarioRun) -> None:
+        began_us, rate = run.autopilot.time_us, self.rate
+        run.autopilot.stamp_us = lambda now_us: began_us + round(rate * (now_us - began_us))
 
 
 # --- the link -----------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from companion.attitude_response.discrete import step
 from companion.attitude_response.kind import LinearResponse, State
+from companion.attitude_response.kinds import FirstOrder, SecondOrder
 
 
 def respond(
@@ -22,6 +23,24 @@ def respond(
     state = (angle_rad, rate_rad_s, *(further or (0.0,) * response.kind.further))
     angle, rate, *rest = step(response, dt_s)(state, wanted_rad)
     return angle, rate, tuple(rest)
+
+
+def with_gain(response: LinearResponse, ratio: float) -> LinearResponse:
+    """The response with `ratio` times the gain from angle to rate (MC_ROLL_P and its like), the rate loop as it is.
+
+    A rate loop of first order, w' = B (P (u - angle) - w), makes wn^2 = B P and 2 zeta wn = B. Of another kind it is
+    not known: it stays.
+    """
+    if ratio == 1.0:
+        return response
+    if response.kind is FirstOrder:
+        (bandwidth,) = response.values
+        return response._replace(values=(ratio * bandwidth,))
+    if response.kind is SecondOrder:
+        frequency, damping = response.values
+        root = math.sqrt(ratio)
+        return response._replace(values=(root * frequency, damping / root))
+    return response
 
 
 class RateGains(NamedTuple):

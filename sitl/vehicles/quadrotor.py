@@ -6,11 +6,12 @@ velocity against the air.
 
 from __future__ import annotations
 
-from math import atan2, cos, sin, sqrt
+from math import atan2, copysign, cos, inf, radians, sin, sqrt
 from typing import Final, NamedTuple
 
 from companion.attitude_response import discrete
 from companion.attitude_response.kind import LinearResponse, State
+from companion.attitude_response.kinds import SecondOrder
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, rate_step, respond, wanted_rates
 from sitl.vehicles.rotation import Quaternion, euler, quaternion
@@ -66,6 +67,11 @@ class Effects(NamedTuple):
     pitch_bias_rad: float
 
 
+UNEVEN_MOTORS_RAD_S2: Final = radians(4.5)
+"""How uneven motors turn it where nothing controls its rotation: 9 degrees in 2 s, seen on PX4's SIH."""
+YAW_ACCELERATION_RAD_S2: Final = 2.3
+"""What the motors turn a yaw of second order by. A step of 171 degrees then overshoots by 18, as seen on PX4's SIH."""
+
 CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -82,6 +88,8 @@ class Dynamics:
         axes = (params.roll, params.pitch, params.yaw)
         self._plain = not any(axis.kind.further for axis in axes)
         self._roll, self._pitch, self._yaw = (discrete.step(axis, dt_s) for axis in axes)
+        limited = params.yaw.kind is SecondOrder  # the rate of a first order jumps
+        self._most_turn_rad_s = YAW_ACCELERATION_RAD_S2 * dt_s if limited else inf
         self._wanted: Quaternion | None = None  # a set-point stands for many steps: the last one,
         self._wanted_angles = (0.0, 0.0, 0.0)  # and its angles
 
@@ -93,6 +101,7 @@ class Dynamics:
     ) -> QuadrotorState:
         """The state `dt_s` later, under an attitude set-point and a collective thrust, both held.
 
+        Under `UNCONTROLLED` it goes on turning as it does.
         Without the cascade each Euler angle follows its own response; the body rates are the angle rates, as in (9).
         """
         params, dt_s = self._params, self._dt_s
@@ -101,14 +110,16 @@ class Dynamics:
             roll, pitch, yaw = euler(*wanted)
             wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
         x, y, z, old_vx, old_vy, old_vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state
-        if params.cascade:
+        if wanted[0] != wanted[0]:
+            qw, qx, qy, qz, p = self._drift(state)
+        elif params.cascade:
             qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop = self._cascade(state, wanted)
         else:
             if wanted is not self._wanted:
                 self._wanted, self._wanted_angles = wanted, euler(*wanted)
             roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
             roll, pitch, yaw = euler(qw, qx, qy, qz)
-            turn = yaw_wanted - yaw
+            turn, yaw_before, r_before = yaw_wanted - yaw, yaw, r
             yaw_wanted = yaw + atan2(sin(turn), cos(turn))  # the short way round
             if self._plain:
                 roll, p = self._roll((roll, p), roll_wanted)
@@ -120,6 +131,9 @@ class Dynamics:
                 pitch, q, of_pitch = respond(params.pitch, pitch, q, of_pitch, pitch_wanted, dt_s)
                 yaw, r, of_yaw = respond(params.yaw, yaw, r, of_yaw, yaw_wanted, dt_s)
                 further = (of_roll, of_pitch, of_yaw)
+            if abs(r - r_before) > self._most_turn_rad_s:
+                r = r_before + copysign(self._most_turn_rad_s, r - r_before)
+                yaw = yaw_before + 0.5 * dt_s * (r_before + r)
             qw, qx, qy, qz = quaternion(roll, pitch, yaw)
 
         lift = thrust_n / params.mass_kg
@@ -134,6 +148,23 @@ class Dynamics:
             z + dt_s * 0.5 * (old_vz + vz),
             vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
         ))  # fmt: skip
+
+    def _drift(self, state: QuadrotorState) -> tuple[float, float, float, float, float]:
+        """Quaternion and roll rate: the rates stay, but for what uneven motors do."""
+        dt_s = self._dt_s
+        w, x, y, z, p, q, r = state[6:13]
+        p += dt_s * UNEVEN_MOTORS_RAD_S2
+        rate = sqrt(p * p + q * q + r * r)
+        half = 0.5 * rate * dt_s
+        s = sin(half) / rate if rate > 0.0 else 0.5 * dt_s
+        cw, cx, cy, cz = cos(half), s * p, s * q, s * r
+        return (
+            w * cw - x * cx - y * cy - z * cz,
+            w * cx + x * cw + y * cz - z * cy,
+            w * cy - x * cz + y * cw + z * cx,
+            w * cz + x * cy - y * cx + z * cw,
+            p,
+        )
 
     def _cascade(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
         """The cascade (7) on the rotational dynamics (1)."""

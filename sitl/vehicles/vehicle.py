@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 
 from companion.control.types import GRAVITY_M_S2
 from sitl.vehicles import quadrotor, rig
-from sitl.vehicles.attitude_loop import RateState
+from sitl.vehicles.attitude_loop import AngleGains, RateState, with_gain
 from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
 Vector = tuple[float, float, float]
@@ -44,6 +44,9 @@ class Vehicle(Protocol):
 
     def on_ground(self) -> bool:
         """Whether the landing gear carries the weight."""
+
+    def follow_gains(self, ratios: Vector) -> None:
+        """Turn with so much of the gain from angle to rate that it began with, about roll, pitch and yaw."""
 
 
 class _Delay:
@@ -88,7 +91,7 @@ class Rig:
         self.thrust_share = 1.0
         self.effects = quadrotor.CALM
         self.push_m_s2 = 0.0
-        self._params, self._dt_s = params, dt_s
+        self._params, self._identified, self._dt_s = params, params, dt_s
         self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
         self._delay = _Delay(delay_s, dt_s)
         self._thrust_ratio = 0.0
@@ -112,11 +115,19 @@ class Rig:
         if thrust <= 0.0:
             self._state = self._state._replace(velocity_m_s=0.0, pitch_rate_rad_s=0.0, further=())
             return
+        if math.isnan(w):
+            w, x, y, z = self.state.q_wxyz  # what is no attitude: it stays
         pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
         self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, self._dt_s, self.push_m_s2)
 
     def on_ground(self) -> bool:
         return False
+
+    def follow_gains(self, ratios: Vector) -> None:
+        params, (_, pitch, _) = self._identified, ratios
+        self._params = params._replace(
+            response=with_gain(params.response, pitch), pitch_gain_1_s=pitch * params.pitch_gain_1_s
+        )
 
 
 class Quadrotor:
@@ -140,7 +151,7 @@ class Quadrotor:
         self.hover_thrust = hover_thrust
         self.thrust_share = 1.0
         self.effects = quadrotor.CALM
-        self._params = params
+        self._params, self._dt_s = params, dt_s
         self._dynamics = quadrotor.Dynamics(params, dt_s)
         self._weight_n = params.mass_kg * GRAVITY_M_S2
         self._full_thrust_n = thrust_factor * params.mass_kg * GRAVITY_M_S2 / hover_thrust
@@ -172,7 +183,8 @@ class Quadrotor:
             if thrust_n <= self._weight_n:
                 self._rest()
                 return
-            _, _, yaw = euler(*q_wxyz)
+            s = self._state
+            _, _, yaw = euler(*(q_wxyz if q_wxyz[0] == q_wxyz[0] else (s.qw, s.qx, s.qy, s.qz)))
             q_wxyz = quaternion(0.0, 0.0, yaw)  # the ground keeps it level until it is off
         self._state = state = self._dynamics.step(self._state, q_wxyz, thrust_n, self.effects)
         if state.z_m > 0.0:
@@ -195,3 +207,13 @@ class Quadrotor:
 
     def on_ground(self) -> bool:
         return self._state.z_m >= -_GROUNDED_M
+
+    def follow_gains(self, ratios: Vector) -> None:
+        params, gains, (roll, pitch, yaw) = self._params, self._params.angle_gains, ratios
+        changed = params._replace(
+            roll=with_gain(params.roll, roll),
+            pitch=with_gain(params.pitch, pitch),
+            yaw=with_gain(params.yaw, yaw),
+            angle_gains=AngleGains(roll * gains.roll_1_s, pitch * gains.pitch_1_s, yaw * gains.yaw_1_s),
+        )
+        self._dynamics = quadrotor.Dynamics(changed, self._dt_s)

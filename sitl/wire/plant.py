@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from sitl.autopilot.autopilot import Autopilot
-from sitl.messages.log_download import LogFile
+from sitl.messages.log_card import GrowingLog, Log, LogFile
 from sitl.messages.services import Services
 from sitl.messages.streams import Profile, Streams
 from sitl.messages.telemetry import Telemetry
 from sitl.wire.ports import Port
+from sitl.wire.signed_port import SignedPort
 from sitl.wire.wire import Channels, Wire
 
 FIXED_EPOCH_US: Final = 1_700_000_000_000_000  # where SYSTEM_TIME must not depend on the day
@@ -34,7 +35,8 @@ class Plant:
         self.wires: list[Wire] = []
         self.odometry_sent = 0
         self._epoch_us = epoch_us
-        self._logs = list(logs)
+        self._logs: list[Log] = list(logs)
+        self._writing: GrowingLog | None = None
 
     def add(self, port: Port, profile: Profile, channels: Channels | None = None) -> Wire:
         """One more wire. `channels`: what its frames meet on their way."""
@@ -64,12 +66,13 @@ class Plant:
                 streams = wire.streams
                 streams.others(due, frames)
                 if streams.odometry_due_us <= due:
-                    streams.odometry(due, frames)
-                    self.odometry_sent += 1
+                    self.odometry_sent += streams.odometry(due, frames)
                 if wire.channels is not None:
                     wire.send_due(frames, due)
                     frames.clear()
         autopilot.advance(to_us)
+        if autopilot.commander.armed is not (self._writing is not None):
+            self._log()
         if autopilot.notices:
             self.send_notices()
         for wire, frames in zip(wires, outgoing, strict=True):
@@ -81,6 +84,16 @@ class Plant:
                 wire.services.send_logs(to_us)
                 wire.flush(to_us)
 
+    def _log(self) -> None:
+        """Armed, a log is begun: the first of the directory, so that the others' ids move. Disarmed, it is whole."""
+        if self._writing is None:
+            self._writing = GrowingLog(self.autopilot.now_us, self._epoch_us)
+            self._logs.insert(0, self._writing)
+            return
+        whole = LogFile(self._writing.data, self._writing.time_utc_s)
+        self._logs[:] = [whole if log is self._writing else log for log in self._logs]
+        self._writing = None
+
     def receive_all(self, wires: Sequence[Wire] | None = None) -> None:
         """Take what has come on these wires, on all of them by default."""
         came = False
@@ -88,8 +101,17 @@ class Plant:
             while data := wire.port.receive():
                 came = True
                 wire.handle(data, self.autopilot.time_us)
+                if wire.services.new_signing_key is not None:
+                    self._sign(wire.services.new_signing_key)
+                    wire.services.new_signing_key = None
         if came:
             self.send_notices()
+
+    def _sign(self, key: bytes) -> None:
+        """From here on every wire is signed by `key`, or none is where it has no bytes."""
+        for wire in self.wires:
+            bare = wire.port.bare if isinstance(wire.port, SignedPort) else wire.port
+            wire.port = SignedPort(bare, key) if key else bare
 
     def send_notices(self) -> None:
         """Status texts to ground stations, parameters that one link changed to the others."""

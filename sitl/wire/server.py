@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Final, NamedTuple
 
 from sitl.autopilot.autopilot import Autopilot
-from sitl.messages.log_download import LogFile
+from sitl.messages.log_card import LogFile
 from sitl.wire import realtime
 from sitl.wire.lockstep import Lockstep, Wait
 from sitl.wire.plant import FIXED_EPOCH_US, Plant

@@ -8,39 +8,42 @@ from sitl.wire.ports import Port
 
 
 class SignedPort:
-    """Wraps a port: signs what goes out, and lets through only whole frames that are signed by the same key."""
+    """Wraps a port: signs what goes out, and lets through only whole frames that are signed by the same key.
+
+    Attribute: `bare`, the port that is wrapped.
+    """
 
     def __init__(self, port: Port, key: bytes) -> None:
-        self._port = port
+        self.bare = port
         self._parser = FrameParser(stream=port.stream)
         self._signing = Signing(key, link_id=1)
         self.stream = False
 
     @property
     def connected(self) -> bool:
-        return self._port.connected
+        return self.bare.connected
 
     @property
     def number(self) -> int:
-        return self._port.number
+        return self.bare.number
 
     def fileno(self) -> int:
-        return self._port.fileno()
+        return self.bare.fileno()
 
     def receive(self) -> bytes:
-        while data := self._port.receive():
+        while data := self.bare.receive():
             if believed := self._believed(data):
                 return believed
         return b""
 
     def receive_waiting(self) -> bytes:
-        return self._believed(self._port.receive_waiting())
+        return self._believed(self.bare.receive_waiting())
 
     def send(self, frames: list[bytes]) -> None:
-        self._port.send([self._signing.sign(frame) for frame in frames])
+        self.bare.send([self._signing.sign(frame) for frame in frames])
 
     def close(self) -> None:
-        self._port.close()
+        self.bare.close()
 
     def _believed(self, data: bytes) -> bytes:
         return b"".join(frame.raw for frame in self._parser.feed(data) if self._signing.verify(frame))

@@ -85,7 +85,7 @@ class Wire:
         if self.channels is None:
             self.port.send(frames)
             if frames[-1][7:HEADER_BYTES] == _ODOMETRY:
-                self.sample_ms = now_us // 1000 & 0xFFFFFFFF
+                self._note(frames[-1])
             return
         if self.standing:
             self._put(frames)

@@ -12,11 +12,15 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.flight.readiness.parameters import GAINS
+from sitl.autopilot.parameters import PX4_DEFAULTS, Px4Version
+
 OFFBOARD: Final = 6 << 16
 HOLD: Final = 4 << 16 | 3 << 24
 POSITION: Final = 3 << 16
 RETURN: Final = 4 << 16 | 5 << 24
 LAND: Final = 4 << 16 | 6 << 24
+_ASKS_VERSION: Final = (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 
 
 class FakeAutopilot:
@@ -38,6 +42,8 @@ class FakeAutopilot:
         self.status: int = mavlink.MAV_STATE_ACTIVE
         self.switches = self.obeys = True
         self.pilot_after_hold = False
+        self.parameters = {name: float(PX4_DEFAULTS[Px4Version.V1_17][name]) for name in GAINS}
+        self.version: tuple[int, int, int] | None = (1, 17, 0)
         self.answers: list[Any] = []
         self.heard: list[Any] = []
 
@@ -52,6 +58,11 @@ class FakeAutopilot:
         kind = message.get_type()
         if kind == "SET_ATTITUDE_TARGET" and self.switches:
             self.switches, self.mode = False, OFFBOARD
+        if kind == "PARAM_REQUEST_READ" and message.param_id in self.parameters:
+            name, value = message.param_id.encode(), self.parameters[message.param_id]
+            self.answers.append(mavlink.MAVLink_param_value_message(name, value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+        if kind == "COMMAND_LONG" and self.version is not None and (message.command, message.param1) == _ASKS_VERSION:
+            self.answers.append(autopilot_version(self.version))
         if kind == "COMMAND_LONG" and self.obeys:
             if message.command == mavlink.MAV_CMD_DO_SET_MODE:
                 self.mode = int(message.param2) << 16 | int(message.param3) << 24
@@ -90,6 +101,13 @@ class FakeAutopilot:
     def statuses(self) -> list[int]:
         """The companion's own system statuses, in order of appearance."""
         return list(dict.fromkeys(message.system_status for message in self.of_kind("HEARTBEAT")))
+
+
+def autopilot_version(version: tuple[int, int, int]) -> Any:
+    """AUTOPILOT_VERSION of a release."""
+    major, minor, patch = version
+    number = major << 24 | minor << 16 | patch << 8 | 255
+    return mavlink.MAVLink_autopilot_version_message(0, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
 
 
 class ScriptedAutopilot(FakeAutopilot):

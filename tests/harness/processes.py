@@ -28,7 +28,7 @@ Process = subprocess.Popen[str]
 PATIENT: Final = (
     "--set", "guards.link_jitter_s.enabled=false", "--set", "guards.tick_overrun_s.enabled=false",
     "--set", "guards.pose_age_s.limit=1.0", "--set", "guards.pose_rate_hz.enabled=false",
-    "--set", "guards.clock_jump_s.limit=1.0",
+    "--set", "guards.clock_jump_s.limit=1.0", "--set", "guards.link_delay_s.enabled=false",
 )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from companion.attitude_response.kinds import FirstOrder
 from harness.processes import PATIENCE_S
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import Parameters
-from sitl.messages.log_download import LogFile
+from sitl.messages.log_card import LogFile
 from sitl.vehicles.attitude_loop import AngleGains, RateGains
 from sitl.vehicles.quadrotor import QuadrotorParams
 from sitl.vehicles.rig import RigParams

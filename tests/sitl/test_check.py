@@ -16,6 +16,7 @@ from companion.config.load import load_config
 ROOT = Path(__file__).resolve().parents[2]
 RIG, QUADROTOR = ROOT / "config" / "antx_rig.yaml", ROOT / "config" / "paper_quadrotor.yaml"
 PX4 = ROOT / "config" / "px4_quadrotor.yaml"
+PX4_1_18 = ROOT / "config" / "px4_quadrotor_1_18.yaml"
 NOBODY = ("--link", "udpout://127.0.0.1:9", "--set", "link.connect_timeout_s=0.3")
 
 
@@ -28,7 +29,7 @@ def refused(*arguments: object, cwd: Path = ROOT) -> str:
     return ended.stderr
 
 
-@pytest.mark.parametrize("config", [RIG, QUADROTOR, PX4])
+@pytest.mark.parametrize("config", [RIG, QUADROTOR, PX4, PX4_1_18])
 def test_shipped_certificates_are_those_of_the_shipped_configs(config: Path) -> None:
     ended = companion("check", config, "--verify", config.with_name(f"{config.stem}.certificate.json"))
     assert ended.returncode == 0, ended.stderr
@@ -56,6 +57,19 @@ def test_check_prints_the_columns_of_the_rig_and_writes_its_certificate(tmp_path
     assert report["delay_interval_s"] == {"x": [0.0, 0.0]}
     assert report["adaptation_rate_limit"] > 100
     assert companion("check", RIG, "--verify", out).returncode == 0
+
+
+@pytest.mark.slow
+def test_a_second_opinion_stands_beside_ours() -> None:
+    ended = companion("check", RIG, "--second-opinion", "--json")
+    assert ended.returncode == 0, ended.stderr
+    told = json.loads(ended.stdout)["second_opinion"]["x"]
+    assert told["ours_rad_s"] == pytest.approx(2.904, rel=1e-3)
+    assert told["theirs_rad_s"] == pytest.approx(2.904, rel=1e-3)
+    assert (told["solver"], told["delay_left_out"]) == ("SCS", False)
+    assert "quadratic without delay, ours / SCS" in ended.stderr
+    both = companion("check", RIG, "--quick", "--second-opinion")
+    assert (both.returncode, "not allowed with" in both.stderr) == (2, True)
 
 
 def test_not_certified_is_exit_code_1_and_leaves_no_stale_certificate(tmp_path: Path) -> None:
@@ -96,6 +110,10 @@ def test_degenerate_input_is_one_line(override: str, reason: str) -> None:
 def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
     assert "must be even" in refused("check", RIG, "--degree", "3")
     assert "cannot read certificate" in refused("check", RIG, "--verify", tmp_path / "none.json")
+    assert "leave out --out and --plot" in refused("check", RIG, "--verify", "a", "--out", "b", "--plot", "c.png")
+    assert "leave out --all-degrees" in refused("check", RIG, "--quick", "--all-degrees")
+    assert "call it FILE.png, FILE.svg" in refused("check", RIG, "--plot", tmp_path / "plot.foo")
+    assert "no such folder" in refused("check", RIG, "--plot", tmp_path / "none" / "plot.png")
     other = companion("check", RIG, "--verify", QUADROTOR.with_name("paper_quadrotor.certificate.json"))
     assert other.returncode == 1
     assert other.stderr == "certificate is of another config\n"
@@ -123,6 +141,17 @@ def test_run_refuses_what_no_certificate_covers(tmp_path: Path) -> None:
     assert "of another config" in refused("run", config, *NOBODY, *changed, cwd=tmp_path)
     assert "this flight is not hedged" in refused("run", config, *NOBODY, "--no-hedging", cwd=tmp_path)
     assert "no heartbeat of vehicle" in refused("run", config, *NOBODY, cwd=tmp_path)  # covered: it got as far as that
+
+
+def test_a_certificate_written_in_haste_covers_no_link(tmp_path: Path) -> None:
+    config, own = tmp_path / "mine.yaml", tmp_path / "mine.certificate.json"
+    config.write_text(RIG.read_text())
+    ended = companion("check", config, "--quick", "--out", own)
+    assert "`companion run` wants the certificate written without --quick" in " ".join(ended.stdout.split())
+    assert "it covers no delay, and every link has one: run `companion check" in refused("run", config, *NOBODY)
+    ended = companion("check", config, "--sectors", "8", "--out", own)
+    assert "It covers every constant delay of the link up to 2" in " ".join(ended.stdout.split())
+    assert "no heartbeat of vehicle" in refused("run", config, *NOBODY, cwd=tmp_path)
 
 
 def test_run_imports_no_solver(tmp_path: Path) -> None:

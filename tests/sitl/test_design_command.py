@@ -96,6 +96,7 @@ def test_the_plant_carries_the_very_response_that_is_certified(designed: Designe
         # this log keeps a set-point every 48 ms: half of that is in the delay
         assert flown.delay_s - identified["delay_s"] == pytest.approx(0.024, abs=0.003)
     assert designed.config.vehicle.parameters["MC_ROLL_P"] == 4.0
+    assert designed.config.vehicle.px4_version == "1.17"
 
 
 def test_comments_of_the_template_stay_and_the_log_is_named(designed: Designed) -> None:

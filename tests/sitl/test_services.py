@@ -25,7 +25,7 @@ from companion.mavlink.link import LinkError
 from companion.mavlink.log_client import fetch, list_logs, newest
 from companion.mavlink.log_protocol import LOG_DATA
 from companion.mavlink.services import Attachment, Firmware, Services
-from sitl.messages.log_download import LogFile, synthetic_log
+from sitl.messages.log_card import LogFile, synthetic_log
 from sitl.wire.ports import UdpEndpoint
 
 QUADROTOR = processes.ROOT / "config" / "paper_quadrotor.yaml"
@@ -172,6 +172,16 @@ def test_a_vehicle_as_certified_is_fine() -> None:
     assert answer["parameters"]["COM_OBL_RC_ACT"] == 0
     assert answer["health"]["armable"]
     assert {row["verdict"] for row in answer["settings"]} == {"fine"}
+
+
+def test_v1_18_is_asked_for_its_own_settings_and_judged_by_them() -> None:
+    code, answer = asked(('plant.px4_version="1.18"', "plant.parameters={NAV_RCL_ACT: 7}"))
+    assert (code, answer["verdict"], answer["firmware"]) == (1, "dangerous", [1, 18, 0])
+    rows = {row["name"]: row for row in answer["settings"]}
+    assert [name for name, row in rows.items() if row["verdict"] != "fine"] == ["NAV_RCL_ACT"]
+    assert rows["NAV_RCL_ACT"]["value"] == "7 Hold, no failsafe"
+    assert {"MAN_OVERRIDE_SPD", "MC_REF_W_N", "MC_REF_FF", "MC_REF_FF_MAX", "MAV_1_RATE"} <= set(rows)
+    assert "COM_RC_OVERRIDE" not in rows
 
 
 def test_a_changed_gain_and_a_deadly_setting_are_named() -> None:

@@ -28,7 +28,10 @@ from companion.certify.statement import Json
 
 MAX_RAYS: Final = 64
 DELAY: Final = "bessel_legendre_2"
-KEYS: Final = {"rays", "delay", "time_scale", "state_scale", "lyapunov", "krasovskii", "sign_multipliers"}
+TICK: Final = "wirtinger"
+KEYS: Final = {
+    "rays", "delay", "tick", "time_scale", "state_scale", "lyapunov", "krasovskii", "hold", "sign_multipliers",
+}  # fmt: skip
 
 
 class SectorProof(NamedTuple):
@@ -44,6 +47,8 @@ class SectorProof(NamedTuple):
         Entries of T in the order of `pattern`.
     krasovskii
         S and R of each channel in turn; none without a delay.
+    hold
+        The multiplier of each error of a hold; none without one.
     sign_multipliers
         u of each inequality, those of `falls` and then those of `positive`; none without rays.
     """
@@ -52,6 +57,7 @@ class SectorProof(NamedTuple):
     scale: Scale
     lyapunov: tuple[Fraction, ...]
     krasovskii: tuple[Fraction, ...]
+    hold: tuple[Fraction, ...]
     sign_multipliers: tuple[Fraction, ...]
 
 
@@ -63,15 +69,17 @@ def check_sectors(proof: SectorProof, channel: Channel) -> str:
     str
         Empty if it holds, else one line that says what fails.
     """
-    states = len(channel.corners[0][0].a)
+    loop = channel.corners[0][0]
+    states = len(loop.a) + len(loop.bounds)
     if len(proof.rays) > MAX_RAYS or len(proof.rays) == 1:
         return f"{len(proof.rays)} rays are not supported"
     if proof.rays and len(channel.corners[0]) != 4:
         return "sectors are for one axis"
     if proof.scale.time_s <= 0 or len(proof.scale.states) != states or min(proof.scale.states) <= 0:
         return "the scale does not fit"
-    if len(proof.krasovskii) != multipliers(channel) or min(proof.krasovskii, default=ZERO) < 0:
-        return "the delay's multipliers do not fit"
+    weights = (*proof.krasovskii, *proof.hold)
+    if (len(proof.krasovskii), len(proof.hold)) != multipliers(channel) or min(weights, default=ZERO) < 0:
+        return "the multipliers of delay and hold do not fit"
     if min(proof.sign_multipliers, default=ZERO) < 0:
         return "a sign multiplier is negative"
     try:
@@ -87,7 +95,7 @@ def check_sectors(proof: SectorProof, channel: Channel) -> str:
     if len(signs) != len(wanted) or (proof.sign_multipliers and not proof.rays):
         return "sign multipliers do not match the inequalities"
     for number, (inequality, sign) in enumerate(zip(wanted, signs, strict=True)):
-        if not positive_definite(_integers(_form(inequality, matrices[inequality.sector], proof.krasovskii, sign))):
+        if not positive_definite(_integers(_form(inequality, matrices[inequality.sector], weights, sign))):
             what = "fall" if inequality.rate else "stay positive"
             return f"the Lyapunov function does not {what} in sector {inequality.sector}, inequality {number}"
     return ""
@@ -98,10 +106,12 @@ def sector_proof_json(proof: SectorProof) -> dict[str, Json]:
     return {
         "rays": [[str(p), str(v)] for p, v in proof.rays],
         "delay": DELAY if proof.krasovskii else "none",
+        "tick": TICK if proof.hold else "none",
         "time_scale": str(proof.scale.time_s),
         "state_scale": [str(entry) for entry in proof.scale.states],
         "lyapunov": [str(entry) for entry in proof.lyapunov],
         "krasovskii": [str(entry) for entry in proof.krasovskii],
+        "hold": [str(entry) for entry in proof.hold],
         "sign_multipliers": [str(entry) for entry in proof.sign_multipliers],
     }
 
@@ -110,6 +120,8 @@ def sector_proof_of(stated: Mapping[str, object], channel: Channel) -> SectorPro
     """The inverse of `sector_proof_json`. Raises `ValueError` for what is malformed."""
     if stated["delay"] != (DELAY if delayed(channel) else "none"):
         raise ValueError(f"a proof takes the delay as {stated['delay']}")
+    if stated["tick"] != (TICK if channel.held else "none"):
+        raise ValueError(f"a proof takes the tick as {stated['tick']}")
     if ORDER != 2:
         raise AssertionError("the name of the delay's inequality says its order")
     rays = [rationals(ray) for ray in list_of(stated["rays"])]
@@ -120,6 +132,7 @@ def sector_proof_of(stated: Mapping[str, object], channel: Channel) -> SectorPro
         Scale(rational(stated["time_scale"]), rationals(stated["state_scale"])),
         rationals(stated["lyapunov"]),
         rationals(stated["krasovskii"]),
+        rationals(stated["hold"]),
         rationals(stated["sign_multipliers"]),
     )
 
@@ -131,7 +144,7 @@ def _matrix(entries: Sequence[Fraction], places: Mapping[tuple[int, int], int], 
 
 
 def _form(
-    inequality: Inequality, p: list[list[Fraction]], krasovskii: Sequence[Fraction], sign: Fraction
+    inequality: Inequality, p: list[list[Fraction]], weights: Sequence[Fraction], sign: Fraction
 ) -> list[list[Fraction]]:
     """Lower triangle of what must be positive definite."""
     if inequality.rate:
@@ -141,7 +154,7 @@ def _form(
         form = [[-(product[i][j] + product[j][i]) for j in range(i + 1)] for i in range(width)]
     else:
         form = [list(row[: i + 1]) for i, row in enumerate(p)]
-    for multiplier, square in zip(krasovskii, inequality.squares, strict=True):
+    for multiplier, square in zip(weights, inequality.squares, strict=True):
         for factor, row in square.terms:
             weighted = multiplier * factor
             filled = [(i, entry) for i, entry in enumerate(row) if entry]

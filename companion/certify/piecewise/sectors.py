@@ -49,15 +49,25 @@ ORDER: Final = 2
 """N, of the Bessel-Legendre inequality."""
 
 
+class Square(NamedTuple):
+    """A sum of `factor (row' zeta)^2`."""
+
+    terms: tuple[tuple[Fraction, Row], ...]
+
+
 class Loop(NamedTuple):
     """One corner: `x' = a x + e y(t - h)`, `y = c x`; SI units.
 
-    `x` begins with position and velocity where sectors are used. `e` has a column a channel, `c` a row.
+    `x` begins with position and velocity where sectors are used. `e` has a column a channel, `c` a row. Errors of the
+    hold (`hold`) drive x' through the columns of `d`; `bounds` are their sums of squares, over (x, y(t - h), errors),
+    each at least zero in the integral.
     """
 
     a: tuple[Row, ...]
     e: tuple[Row, ...]
     c: tuple[Row, ...]
+    d: tuple[Row, ...] = ()
+    bounds: tuple[Square, ...] = ()
 
 
 class Channel(NamedTuple):
@@ -70,14 +80,20 @@ class Channel(NamedTuple):
         (upper, lower), (upper, upper), of position and velocity; any number where there are no sectors.
     delays_s
         Ends of the interval of the delay; (0,) for none.
+    held
+        By corner of the response, the further corners of a hold: all of them count in every sector. Empty without one.
+    tick_s
+        The longest tick of a hold; zero without one.
     """
 
     corners: tuple[tuple[Loop, ...], ...]
     delays_s: tuple[Fraction, ...]
+    held: tuple[tuple[Loop, ...], ...] = ()
+    tick_s: Fraction = ZERO
 
 
 class Scale(NamedTuple):
-    """Units in which an inequality is written: time in s, and each state of x."""
+    """Units in which an inequality is written: time in s, and each state of x and error of a hold."""
 
     time_s: Fraction
     states: Row
@@ -94,12 +110,6 @@ class Sector(NamedTuple):
     signs: tuple[int, ...]
 
 
-class Square(NamedTuple):
-    """A sum of `factor (row' zeta)^2`."""
-
-    terms: tuple[tuple[Fraction, Row], ...]
-
-
 class Inequality(NamedTuple):
     """`-He(G' P H) - sum_k m_k Q_k - u (b1 b2' + b2 b1') > 0`, or `P + ... > 0` where `rate` is empty.
 
@@ -110,7 +120,7 @@ class Inequality(NamedTuple):
     state, rate
         G and H by rows.
     squares
-        Q of each multiplier: S and R of each channel in turn; none without a delay.
+        Q of each multiplier: S and R of each channel in turn, none without a delay; then of each error of a hold.
     """
 
     sector: int
@@ -119,9 +129,10 @@ class Inequality(NamedTuple):
     squares: tuple[Square, ...]
 
 
-def multipliers(channel: Channel) -> int:
-    """How many S and R there are."""
-    return 2 * len(channel.corners[0][0].c) if delayed(channel) else 0
+def multipliers(channel: Channel) -> tuple[int, int]:
+    """How many S and R there are, and how many multipliers of errors of a hold."""
+    loop = channel.corners[0][0]
+    return (2 * len(loop.c) if delayed(channel) else 0), len(loop.bounds)
 
 
 def delayed(channel: Channel) -> bool:
@@ -185,81 +196,105 @@ def falls(channel: Channel, sectors_: Sequence[Sector], scale: Scale) -> Iterato
     for index, sector in enumerate(sectors_):
         (p1, p2), (v1, v2) = sector.basis
         alike = (p1 + p2) * (v1 + v2) > 0  # of the middle of the sector
-        for corner in channel.corners:
+        for number, corner in enumerate(channel.corners):
             chosen = corner if everywhere else (corner[0], corner[3]) if alike else (corner[1], corner[2])
-            for loop in chosen:
-                a, e, c = _scaled(loop, sector, scale)
+            for loop in (*chosen, *(channel.held[number] if channel.held else ())):
+                scaled = _scaled(loop, sector, scale)
                 for delay in channel.delays_s:
-                    yield _falls(index, a, e, c, delay / scale.time_s)
+                    yield _falls(index, scaled, delay / scale.time_s)
 
 
 def positive(channel: Channel, sectors_: Sequence[Sector], scale: Scale) -> Iterator[Inequality]:
     """V is positive: one inequality a sector."""
     n, longest = size(channel), channel.delays_s[-1] / scale.time_s
-    channels = multipliers(channel) // 2
+    channels = len(channel.corners[0][0].c) if delayed(channel) else 0
     first = n - ORDER * channels
     squares = []
     for number in range(channels):
         terms = tuple((-(2 * i + 1) / longest, _unit(n, first + i * channels + number)) for i in range(ORDER))
         squares += [Square(terms), Square(())]
+    squares += [Square(())] * len(channel.corners[0][0].bounds)
     state = tuple(_unit(n, i) for i in range(n))
     for index in range(len(sectors_)):
         yield Inequality(index, state, (), tuple(squares))
 
 
-def _falls(index: int, a: list[list[Fraction]], e: tuple[Row, ...], c: list[Row], delay: Fraction) -> Inequality:
-    n, channels = len(a), len(c)
-    if not delay:
-        rate_ = whole(Loop(tuple(map(tuple, a)), e, tuple(c)))
-        return Inequality(index, tuple(_unit(n, i) for i in range(n)), rate_, ())
-    width = n + (ORDER + 1) * channels
-    pad = (ZERO,) * (width - n)
-    phi = [[n + i * channels + number for number in range(channels)] for i in range(ORDER)]
-    late = [n + ORDER * channels + number for number in range(channels)]
+def _falls(index: int, loop: Loop, delay: Fraction) -> Inequality:
+    """In scaled units; zeta is x, Phi_i and y(t - h) where there is a delay, and the errors of a hold."""
+    a, e, c, d, bounds = loop
+    n, channels, errors = len(a), len(c), len(bounds)
+    late = n + ORDER * channels  # the first of y(t - h)
+    width = n + errors if not delay else late + channels + errors
+
+    def over(row: Row, delayed: Row, error: Row) -> Row:
+        """A row over (x, y(t - h), errors) in zeta; without a delay y is itself a row of x."""
+        if delay:
+            return (*row, *(ZERO for _ in range(n, late)), *delayed, *error)
+        undelayed = zip(
+            *(tuple(factor * entry for entry in y) for factor, y in zip(delayed, c, strict=True)), strict=True
+        )
+        return (*(x + sum(more) for x, more in zip(row, undelayed, strict=True)), *error)
+
+    nothing = ((ZERO,) * channels, (ZERO,) * errors)
+    rate = [over(row, inlet, drive) for row, inlet, drive in zip(a, e, d or [()] * n, strict=True)]
     state = [_unit(width, i) for i in range(n)]
+    held = [
+        Square(tuple((f, over(row[:n], row[n : n + channels], row[n + channels :])) for f, row in bound.terms))
+        for bound in bounds
+    ]
+    if not delay:
+        return Inequality(index, tuple(state), tuple(rate), tuple(held))
+    phi = [[n + i * channels + number for number in range(channels)] for i in range(ORDER)]
     state += [tuple(delay * entry for entry in _unit(width, place)) for row in phi for place in row]
-    rate: list[Row] = []
-    for i in range(n):
-        driven = [*a[i], *pad]
-        for number, place in enumerate(late):
-            driven[place] = e[i][number]
-        rate.append(tuple(driven))
     squares: list[Square] = []
     omegas: list[list[Row]] = []
     for number in range(channels):
-        y: Row = (*c[number], *pad)
-        yd: Row = (*(_dot(c[number], [row[j] for row in a]) for j in range(n)), *pad)
+        y = over(c[number], *nothing)
+        yd = tuple(_dot(c[number], [row[j] for row in rate[:n]]) for j in range(width))
         omega = []
         for i in range(ORDER + 1):
             entries = list(y)
-            entries[late[number]] -= (-1) ** i
+            entries[late + number] -= (-1) ** i
             for j in range(i):
                 entries[phi[j][number]] -= (2 * j + 1) * (1 - (-1) ** (i + j))
             omega.append(tuple(entries))
         omegas.append(omega)
-        squares.append(Square(((ONE, y), (-ONE, _unit(width, late[number])))))
+        squares.append(Square(((ONE, y), (-ONE, _unit(width, late + number)))))
         bessel = tuple((Fraction(-(2 * i + 1)), row) for i, row in enumerate(omega))
         squares.append(Square(((delay * delay, yd), *bessel)))
     rate += [omegas[number][i] for i in range(ORDER) for number in range(channels)]
-    return Inequality(index, tuple(state), tuple(rate), tuple(squares))
+    return Inequality(index, tuple(state), tuple(rate), (*squares, *held))
 
 
-def _scaled(loop: Loop, sector: Sector, scale: Scale) -> tuple[list[list[Fraction]], tuple[Row, ...], list[Row]]:
-    """The corner in scaled time and states, its position and velocity in the coordinates of the sector."""
-    s = scale.states
-    a = [[scale.time_s * entry * s[j] / s[i] for j, entry in enumerate(row)] for i, row in enumerate(loop.a)]
-    e = [[scale.time_s * entry / s[i] for entry in row] for i, row in enumerate(loop.e)]
+def _scaled(loop: Loop, sector: Sector, scale: Scale) -> Loop:
+    """The corner in scaled time, states and errors, its position and velocity in the coordinates of the sector."""
+    n, channels, t = len(loop.a), len(loop.c), scale.time_s
+    s, units = scale.states[:n], scale.states[n:]
+    a = [[t * entry * s[j] / s[i] for j, entry in enumerate(row)] for i, row in enumerate(loop.a)]
+    e = [[t * entry / s[i] for entry in row] for i, row in enumerate(loop.e)]
+    d = [[t * entry * units[j] / s[i] for j, entry in enumerate(row)] for i, row in enumerate(loop.d)]
     c = [[entry * s[j] for j, entry in enumerate(row)] for row in loop.c]
+    both = (*s, *(ONE for _ in range(channels)), *units)
+    bounds = [
+        [(f / unit**2, [x * y for x, y in zip(row, both, strict=True)]) for f, row in bound.terms]
+        for unit, bound in zip(units, loop.bounds, strict=True)
+    ]
     (p1, p2), (v1, v2) = sector.basis
     if sector.basis != ((ONE, ZERO), (ZERO, ONE)):
-        for row in (*a, *c):
+        for row in (*a, *c, *(row for bound in bounds for _, row in bound)):
             row[0], row[1] = row[0] * p1 + row[1] * v1, row[0] * p2 + row[1] * v2
         determinant = p1 * v2 - p2 * v1
-        for matrix in (a, e):
+        for matrix in (a, e, d) if d else (a, e):
             first, second = matrix[0], matrix[1]
             matrix[0] = [(v2 * x - p2 * y) / determinant for x, y in zip(first, second, strict=True)]
             matrix[1] = [(p1 * y - v1 * x) / determinant for x, y in zip(first, second, strict=True)]
-    return a, tuple(map(tuple, e)), [tuple(row) for row in c]
+    return Loop(
+        _rows(a), _rows(e), _rows(c), _rows(d), tuple(Square(tuple((f, tuple(row)) for f, row in b)) for b in bounds)
+    )
+
+
+def _rows(matrix: list[list[Fraction]]) -> tuple[Row, ...]:
+    return tuple(map(tuple, matrix))
 
 
 def _cross(a: tuple[Fraction, Fraction], b: tuple[Fraction, Fraction]) -> Fraction:

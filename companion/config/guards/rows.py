@@ -167,12 +167,17 @@ class Reason(ReasonRow):
     )
     CERTIFICATE_STALE = (
         "certificate_stale", Group.NEVER_BEGAN,
-        "the vehicle's gains are not those its attitude response was identified with",
+        "the vehicle's PX4 or gains are not those its attitude response was identified with, or it does not tell them",
         "identify again, or set them back; they may have changed in stand-by",
     )
     SECOND_COMPANION = (
         "second_companion", Group.NEVER_BEGAN,
         "another companion is there, or somebody else streams to the vehicle: stop one of the two", "",
+    )
+    ON_GROUND = (
+        "on_ground", Group.NEVER_BEGAN,
+        "switched to OFFBOARD on the ground: take off first and switch in the air, or start with --engage",
+        "it streams no thrust there; the vehicle says where it is by EXTENDED_SYS_STATE",
     )
     ENGAGE_REFUSED = (
         "engage_refused", Group.NEVER_BEGAN,
@@ -266,7 +271,7 @@ class Guards(Section):
     ] = GuardSection(limit=0.5, timeout_s=1.0)
     weights_on_bound: Annotated[
         CountGuardSection,
-        Row(Reason.WEIGHTS_ON_BOUND),
+        Row(Reason.WEIGHTS_ON_BOUND, certified=True),  # the sampled adaptation is certified for regressors held still
         Field(description="adaptive weights that rest on a bound of their projection"),
     ] = CountGuardSection(limit=2, timeout_s=10.0)
     tracking_error_m: Annotated[
@@ -282,10 +287,15 @@ class Guards(Section):
     link_delay_s: Annotated[
         DerivedGuardSection,
         Row(Reason.LINK_DELAY, "s", blind=Blind("no answer to TIMESYNC", 3.0), certified=True),
-        Field(description="round trip; without a limit, what the certified `attitude.*.delay_s` leaves to the link"),
+        Field(
+            description="round trip; without a limit, what the certified `attitude.*.delay_s` leaves to the link; "
+            "where that is 0, what the certificate does"
+        ),
     ] = DerivedGuardSection(timeout_s=1.0)
     link_jitter_s: Annotated[
-        GuardSection, Row(Reason.LINK_JITTER, "s"), Field(description="how much later than usual")
+        GuardSection,
+        Row(Reason.LINK_JITTER, "s", certified=True),
+        Field(description="how much later than usual; never above the limit of `link_delay_s`"),
     ] = GuardSection(limit=0.15, timeout_s=1.0)
     pose_rate_hz: Annotated[
         DerivedGuardSection,

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
 
 from companion.config.base import NonNegative
 from companion.config.plant.disturbances import MismatchSection, RadioSection, SensorsSection, WindSection
 from companion.config.vehicles import VehiclePlants
+
+
+def _as_text(version: Any) -> Any:
+    """A version without quotes is a number to YAML."""
+    return str(version) if isinstance(version, float) else version
 
 
 class Plant(VehiclePlants):
@@ -15,8 +22,13 @@ class Plant(VehiclePlants):
 
     setpoint_delay_s: NonNegative = 0.0
     """Transport delay of set-points in front of the attitude loop."""
+    px4_version: Annotated[Literal["1.17", "1.18"], BeforeValidator(_as_text)] = "1.17"
+    """The PX4 that the autopilot behaves as. In 1.18 attitude set-points pass a reference model first (MC_REF_W_N)."""
     parameters: dict[str, int | float] = Field(default_factory=dict)
-    """PX4 parameters by name, those that the plant has. The others keep the defaults of PX4 v1.17."""
+    """PX4 parameters by name, those that the plant has in that version. The others keep its defaults."""
+    telemetry: Literal["even", "px4"] = "even"
+    """When ODOMETRY and CURRENT_MODE come: `even`, at the rate asked for and without delay; `px4`, as PX4 v1.17 sends
+    them: of samples 8 ms apart, up to 5 ms late, CURRENT_MODE twice a second and when it changes, resets counted."""
     seed: int = 1
     """Of all that is random. The same seed gives the same flight."""
     mismatch: MismatchSection = MismatchSection()

@@ -36,6 +36,7 @@ class Known(NamedTuple):
     fault: Reason | None  # of a guard, the operator or the mission
     killed: bool = False
     hands_off: bool = False  # OFFBOARD was flown or set when we came
+    on_ground: bool = False  # where OFFBOARD began
 
 
 def advance(state: State, known: Known) -> tuple[State, Reason | None]:
@@ -57,7 +58,7 @@ def advance(state: State, known: Known) -> tuple[State, Reason | None]:
         return State.STANDBY, None
     wanted = known.offboard and known.armed and not known.killed
     if state is State.STANDBY and wanted and not known.hands_off:
-        return State.ENGAGED, None
+        return (State.RELEASED, Reason.ON_GROUND) if known.on_ground else (State.ENGAGED, None)
     return state, None
 
 

@@ -28,10 +28,14 @@ class Freshness:
         """A heartbeat of the vehicle."""
         self._heartbeat_at_s = now_s
 
-    def stale(self, now_s: float) -> Reason | None:
-        """What has not been heard for too long, or None."""
+    def pose_stale(self, now_s: float) -> bool:
+        """Whether no new pose has been heard for too long."""
+        return now_s - self._pose_at_s > self._limits[Reason.POSE_STALE]
+
+    def stale(self, now_s: float, *, grounded: bool = False) -> Reason | None:
+        """What has not been heard for too long, or None. `grounded`: without the pose, which nobody flies by then."""
         pose_at_s, heartbeat_at_s, limits = self._pose_at_s, self._heartbeat_at_s, self._limits
-        reason = table.stale(limits, now_s - pose_at_s, now_s - heartbeat_at_s)
+        reason = table.stale(limits, 0.0 if grounded else now_s - pose_at_s, now_s - heartbeat_at_s)
         fresh_until_s = min(pose_at_s + limits[Reason.POSE_STALE], heartbeat_at_s + limits[Reason.HEARTBEAT_LOST])
         self.until_s = fresh_until_s if reason is None else -math.inf
         return reason

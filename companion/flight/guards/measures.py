@@ -122,13 +122,19 @@ def least_rate_hz(config: Config) -> float:
 
 
 def longest_delay_s(config: Config) -> float:
-    """What the certified delay leaves to the link; without end where the certificate knows of no delay.
+    """What the certified delay leaves to the link.
 
-    Where the response is being identified nothing is certified: what the loop then flown bears.
+    Without end only where neither config nor certificate knows of a delay: in lockstep, or uncertified. Where the
+    response is being identified nothing is certified: what the loop then flown bears.
     """
     if config.mission.identification is not None:
         return config.guards.link_delay_s.limit or LINK_DELAY_S
     return config.guards.link_delay_s.limit or link_share_s(config.attitude) or math.inf
+
+
+def longest_jitter_s(config: Config) -> float:
+    """Never above the delay that is certified for the link: a delay that varies is certified at no rate."""
+    return min(config.guards.link_jitter_s.limit, longest_delay_s(config))
 
 
 # --- how it flies -----------------------------------------------------------------------------------------------------
@@ -229,7 +235,7 @@ MEASURES: Final = {
         limit=longest_delay_s,
         blind=lambda _, told: math.isnan(told.round_trip_s),
     ),
-    Reason.LINK_JITTER: Measured(stateless(lambda look: look.told.jitter_s)),
+    Reason.LINK_JITTER: Measured(stateless(lambda look: look.told.jitter_s), limit=longest_jitter_s),
     Reason.POSE_RATE: Measured(PoseRate, limit=least_rate_hz),
     Reason.FENCE: Measured(outside_fence, limit=lambda _: 0.5),
     Reason.TILT: Measured(stateless(tilt_rad)),

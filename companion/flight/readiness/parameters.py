@@ -13,9 +13,24 @@ from typing import Final, NamedTuple
 from companion.flight.vehicle_link.messages import Parameter
 from companion.flight.vehicle_link.requests import ReadParameter
 
+_LOOP: Final = ("ROLL", "PITCH")
+GAINS: Final = (
+    *(f"MC_{axis}_P" for axis in (*_LOOP, "YAW")),
+    *(f"MC_{axis}RATE_{term}" for axis in _LOOP for term in "PIDK"),
+)
+"""What the attitude response is made of, besides the airframe."""
+REFERENCE_MODEL: Final = ("MC_REF_W_N", "MC_REF_FF", "MC_REF_FF_MAX")
+HAS_REFERENCE_MODEL: Final = (1, 18)
+"""From here on a model stands in front of the attitude controller. Source: `mc_att_control_params.yaml`."""
+
 _AT_ONCE: Final = 4  # requests a call: what a slow serial line takes beside the set-points
 _ASK_AGAIN_S: Final = 0.5
 _PATIENCE_S: Final = 5.0
+
+
+def response_parameters(version: tuple[int, int, int]) -> tuple[str, ...]:
+    """Those that PX4 of this version makes its attitude response of."""
+    return GAINS + REFERENCE_MODEL if version[:2] >= HAS_REFERENCE_MODEL else GAINS
 
 
 class Difference(NamedTuple):
@@ -51,6 +66,10 @@ class ParameterReader:
     def done(self) -> bool:
         """Whether every one has been told."""
         return len(self.values) == len(self._asked_s)
+
+    def add(self, names: Iterable[str]) -> None:
+        """More to read."""
+        self._asked_s = {**dict.fromkeys(names, -math.inf), **self._asked_s}
 
     def over(self, now_s: float) -> bool:
         """Whether there is nothing left to wait for: all told, or the patience at its end."""
@@ -91,9 +110,26 @@ def same(expected: float, found: float | None) -> bool:
     return math.isclose(expected, found, rel_tol=1e-6, abs_tol=1e-12)  # float32 keeps seven digits
 
 
-def stale(expected: Mapping[str, float], found: Mapping[str, float]) -> str | None:
-    """Why the certificate does not hold for the vehicle as it is, as one line; None when it does."""
-    changed = differences(expected, found)
+def stale(
+    expected: Mapping[str, float],
+    found: Mapping[str, float],
+    px4_version: str | None = None,
+    version: tuple[int, int, int] | None = None,
+) -> str | None:
+    """Why the certificate does not hold for the vehicle as it is, as one line; None when it does.
+
+    `px4_version` as the config states it, None where it does not; `version` as the vehicle tells it.
+    """
+    changed = [str(difference) for difference in differences(expected, found)]
+    if px4_version is not None and version is None:
+        changed.insert(0, "the vehicle does not tell its firmware's version")
+    elif px4_version is not None and version is not None and not same_version(px4_version, version):
+        changed.insert(0, f"PX4 is {version[0]}.{version[1]}, was {px4_version}")
     if not changed:
         return None
-    return f"the certificate is stale, its attitude response was identified otherwise: {', '.join(map(str, changed))}"
+    return f"the certificate is stale, its attitude response was identified otherwise: {', '.join(changed)}"
+
+
+def same_version(px4_version: str, version: tuple[int, int, int]) -> bool:
+    """Whether a vehicle has the version that a config states: major and minor."""
+    return px4_version == f"{version[0]}.{version[1]}"

@@ -1,27 +1,27 @@
-"""Before stand-by: ask the vehicle for its odometry at the wanted rate, measure what comes, and judge it."""
+"""Before stand-by: ask the vehicle for its odometry at the wanted rate, measure what comes, and judge it.
+
+What the vehicle is, its firmware and gains, is read meanwhile.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 from companion.config.schema import Config
-from companion.flight.readiness.parameters import ParameterReader, stale
-from companion.flight.vehicle_link.messages import Parameter
+from companion.flight.readiness.pinned import Pinned
 from companion.flight.vehicle_link.odometry import PoseSource
 from companion.flight.vehicle_link.requests import Request, Stream
 
 _ASK_AGAIN_S: Final = 1.0
 _FALL_BACK_S: Final = 1.5  # without any ODOMETRY
 _PATIENCE_S: Final = 5.0
-_HOVER_THRUST: Final = "MPC_THR_HOVER"
 
 
 class Preflight:
     """The check of one connection.
 
-    Attributes: `rate_hz` of the odometry as last measured; `hover_thrust` of the autopilot where wanted and told;
-    `stale`, why the certificate does not hold for the vehicle as it is. `compare`: whether its parameters are set
-    beside `vehicle.parameters`; `uncertified`: whether to go on where they differ.
+    Attributes: `rate_hz` of the odometry as last measured; `pinned`, firmware and parameters of the vehicle. `compare`:
+    whether those are set beside the config's; `uncertified`: whether to go on where they differ.
     """
 
     def __init__(self, config: Config, pose: PoseSource, *, compare: bool = True, uncertified: bool = False) -> None:
@@ -31,12 +31,7 @@ class Preflight:
         self._began_s = 0.0
         self._ask_s = 0.0
         self._uncertified = uncertified
-        self._expected = config.vehicle.parameters if compare else {}
-        self._hover_wanted = config.vehicle.hover_thrust_source != "config"
-        wanted = [*([_HOVER_THRUST] if self._hover_wanted else []), *self._expected]
-        self._parameters = ParameterReader(wanted)
-        self._parameters_over = not wanted
-        self.stale: str | None = None
+        self.pinned = Pinned(config, compare=compare)
 
     @property
     def rate_hz(self) -> float:
@@ -46,7 +41,7 @@ class Preflight:
     @property
     def passed(self) -> bool:
         """Whether the odometry comes at `tick.floor_hz` or above, and nothing more is waited for."""
-        return self._fast and self._parameters_over and (self.stale is None or self._uncertified)
+        return self._fast and self.pinned.over and (self.pinned.stale is None or self._uncertified)
 
     @property
     def _fast(self) -> bool:
@@ -64,49 +59,22 @@ class Preflight:
         """The time stamp of an odometry sample."""
         self._meter.on_sample(time_s)
 
-    def on_parameter(self, parameter: Parameter) -> bool:
-        """One that was told, also when somebody sets it later; whether `stale` has changed by it after the check."""
-        if not self._parameters_over:
-            self._parameters.on_parameter(parameter)
-            self._judge(self._parameters.done)
-            return False
-        if parameter.name not in self._expected or not self._parameters.on_parameter(parameter):
-            return False
-        before, self.stale = self.stale, stale(self._expected, self._parameters.values)
-        return self.stale != before
-
-    @property
-    def hover_thrust(self) -> float | None:
-        """MPC_THR_HOVER, where `vehicle.hover_thrust_source` wants it and the vehicle has told it."""
-        return self._parameters.values.get(_HOVER_THRUST) if self._hover_wanted else None
-
-    def remarks(self) -> list[str]:
-        """What somebody should know before it flies, a line each."""
-        if not self._hover_wanted or self.hover_thrust is not None:
-            return []
-        return [f"the vehicle does not tell {_HOVER_THRUST}: flying with vehicle.hover_thrust"]
-
     def requests(self, now_s: float, *, heard: bool) -> list[Request]:
         """What to ask now. `heard`: whether any odometry has come."""
         if not heard and now_s - self._began_s > _FALL_BACK_S:
             self._pose.fall_back()
-        self._judge(self._parameters.over(now_s))
-        parameters = self._parameters.requests(now_s)
+        asked = self.pinned.requests(now_s)
         if now_s < self._ask_s:
-            return [*parameters]
+            return asked
         self._ask_s = now_s + _ASK_AGAIN_S
-        return [*parameters, Stream(self._tick.rate_hz)]
-
-    def _judge(self, over: bool) -> None:
-        if over and not self._parameters_over:
-            self._parameters_over = True
-            self.stale = stale(self._expected, self._parameters.values)
+        return [*asked, Stream(self._tick.rate_hz)]
 
     def refused(self) -> str | None:
         """Why the vehicle must not be flown with this certificate, as one line."""
-        if self.stale is None or self._uncertified:
+        stale = self.pinned.stale
+        if stale is None or self._uncertified:
             return None
-        return f"{self.stale}: set them back, or identify and check again, or fly --uncertified"
+        return f"{stale}: set them back, or identify and check again, or fly --uncertified"
 
     def failed(self, now_s: float) -> str | None:
         """Why the vehicle is refused, as one line, once patience has ended."""

@@ -1,7 +1,8 @@
 """What a vehicle's settings mean for a flight in OFFBOARD: fine, other than certified, or dangerous; and what to do.
 
-Names, values and meanings are those of PX4 v1.17 (`commander_params.c`, `failsafe.cpp`, `mc_att_control_params.c`,
-`mc_rate_control_params.c`, `mavlink/module.yaml`).
+Names, values and meanings are those of PX4 v1.17 and v1.18 (`commander_params.c` and `.yaml`, `failsafe.cpp`,
+`manual_control_params.yaml`, `mc_att_control_params.c` and `.yaml`, `mc_rate_control_params.c`, `mavlink/module.yaml`).
+What is judged is what the version heard has.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from companion.config import Config
-from companion.flight.readiness.parameters import same
+from companion.flight.readiness.parameters import response_parameters, same, same_version
 
 Found = Mapping[str, float]
+Version = tuple[int, int, int]
 
 
 class Verdict(StrEnum):
@@ -33,26 +35,12 @@ class Setting(NamedTuple):
     advice: str
 
 
-_LOOP: Final = ("ROLL", "PITCH")
-GAINS: Final = (
-    *(f"MC_{axis}_P" for axis in (*_LOOP, "YAW")),
-    *(f"MC_{axis}RATE_{term}" for axis in _LOOP for term in "PIDK"),
-)
-KINDS: Final[Mapping[str, type]] = {
-    "MPC_THR_HOVER": float,
-    **dict.fromkeys(GAINS, float),
-    "COM_OF_LOSS_T": float,
-    "COM_OBL_RC_ACT": int,
-    "COM_RC_IN_MODE": int,
-    "NAV_RCL_ACT": int,
-    "COM_RCL_EXCEPT": int,
-    "COM_RC_OVERRIDE": int,
-    "NAV_DLL_ACT": int,
-}
-
-_FIRMWARE: Final = (1, 17)
+_KNOWN: Final = ((1, 17), (1, 18))  # versions whose settings are judged here
+_OVERRIDE_BY_SPEED: Final = (1, 18)  # from here on MAN_OVERRIDE_SPD, before it COM_RC_OVERRIDE
 _OFFBOARD_LOSS: Final = ("Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm")
+_BY_STICKS: Final = _OFFBOARD_LOSS[:3]
 _LINK_LOSS: Final = {0: "Disabled", 1: "Hold", 2: "Return", 3: "Land", 5: "Terminate", 6: "Disarm"}
+_HOLD_NO_FAILSAFE: Final = 7  # of NAV_RCL_ACT, from v1.18
 _OFFBOARD_BIT: Final = {"COM_RCL_EXCEPT": 4, "COM_RC_OVERRIDE": 2}
 _ODOMETRY_BYTES: Final = 244
 _BESIDE_BYTES_S: Final = 4000  # heartbeat, mode, status, answers
@@ -60,29 +48,46 @@ _LONGEST_LOSS_S: Final = 1.0
 _DANGEROUS_LOSS_S: Final = 2.0
 
 
+def kinds(version: Version) -> Mapping[str, type]:
+    """The parameters that matter and that PX4 of this version has, and their types."""
+    by_speed = version[:2] >= _OVERRIDE_BY_SPEED
+    return {
+        "MPC_THR_HOVER": float,
+        **dict.fromkeys(response_parameters(version), float),
+        "COM_OF_LOSS_T": float,
+        "COM_OBL_RC_ACT": int,
+        "COM_RC_IN_MODE": int,
+        "NAV_RCL_ACT": int,
+        "COM_RCL_EXCEPT": int,
+        **({"MAN_OVERRIDE_SPD": float} if by_speed else {"COM_RC_OVERRIDE": int}),
+        "NAV_DLL_ACT": int,
+    }
+
+
 def judge(
     config: Config,
-    version: tuple[int, int, int],
+    version: Version,
     firmware: str,
     health: Mapping[str, bool],
     found: Found,
     odometry_hz: float | None,
 ) -> list[Setting]:
     """A row for everything the vehicle tells of itself; `odometry_hz` is None where it could not be counted."""
-    rows = [judge_firmware(version, firmware), judge_health(health)]
+    rows = [judge_firmware(config, version, firmware), judge_health(health)]
     if odometry_hz is not None:
         rows.append(judge_odometry(config, odometry_hz))
-    return rows + judge_parameters(config, found)
+    return rows + judge_parameters(config, version, found)
 
 
-def judge_parameters(config: Config, found: Found) -> list[Setting]:
+def judge_parameters(config: Config, version: Version, found: Found) -> list[Setting]:
     """A row for each parameter that matters, and for each that `vehicle.parameters` states."""
     rows = []
-    for name in dict.fromkeys((*KINDS, *config.vehicle.parameters)):
+    for name in dict.fromkeys((*kinds(version), *config.vehicle.parameters)):
         value = found.get(name)
         stated = config.vehicle.parameters.get(name)
         if value is None:
-            rows.append(Setting(name, "-", Verdict.DIFFERS, "the vehicle does not tell it: is this PX4 v1.17?"))
+            advice = f"the vehicle does not tell it: is this PX4 {version[0]}.{version[1]}?"
+            rows.append(Setting(name, "-", Verdict.DIFFERS, advice))
         elif stated is not None and not same(stated, value):
             rows.append(
                 Setting(
@@ -94,7 +99,7 @@ def judge_parameters(config: Config, found: Found) -> list[Setting]:
                 )
             )
         elif name in _RULES:
-            rows.append(Setting(name, *_RULES[name](config, value)))
+            rows.append(Setting(name, *_RULES[name](config, value, found)))
         elif stated is None:
             rows.append(Setting(name, f"{value:g}", Verdict.FINE, "not compared"))
         else:
@@ -102,16 +107,22 @@ def judge_parameters(config: Config, found: Found) -> list[Setting]:
     return rows + [_rate(config, name, value) for name, value in found.items() if name.endswith("_RATE")]
 
 
-def unstated(config: Config, found: Found) -> dict[str, float]:
-    """The gains that `vehicle.parameters` does not state, as they are: changed later, they would go unnoticed."""
-    return {name: found[name] for name in GAINS if name in found and name not in config.vehicle.parameters}
+def unstated(config: Config, version: Version, found: Found) -> dict[str, float]:
+    """What the response is made of and `vehicle.parameters` does not state, as it is."""
+    names = [name for name in response_parameters(version) if name in found]
+    return {name: found[name] for name in names if name not in config.vehicle.parameters}
 
 
-def judge_firmware(version: tuple[int, int, int], text: str) -> Setting:
+def judge_firmware(config: Config, version: Version, text: str) -> Setting:
     """PX4's version."""
-    if version[:2] == _FIRMWARE:
-        return Setting("firmware", text, Verdict.FINE, "")
-    return Setting("firmware", text, Verdict.DIFFERS, "not PX4 1.17: try modes and failsafes in simulation first")
+    stated = config.vehicle.px4_version
+    if stated is not None and not same_version(stated, version):
+        advice = f"it was {stated} when the response was identified: the certificate is stale; identify and check again"
+        return Setting("firmware", text, Verdict.DIFFERS, advice)
+    if version[:2] in _KNOWN:
+        return Setting("firmware", text, Verdict.FINE, "" if stated is None else "as identified")
+    known = " or ".join("{}.{}".format(*known) for known in _KNOWN)
+    return Setting("firmware", text, Verdict.DIFFERS, f"not PX4 {known}: try modes and failsafes in simulation first")
 
 
 def judge_health(health: Mapping[str, bool]) -> Setting:
@@ -145,9 +156,10 @@ def worst(rows: list[Setting]) -> Verdict:
 # -- one rule a parameter: its value as text, the verdict, what to do --------------------------------------------------
 
 _Judged = tuple[str, Verdict, str]
+_Rule = Callable[[Config, float, Found], _Judged]
 
 
-def _hover(config: Config, value: float) -> _Judged:
+def _hover(config: Config, value: float, _: Found) -> _Judged:
     ours = config.vehicle.hover_thrust
     off = value / ours - 1.0
     if abs(off) <= 0.05:
@@ -159,7 +171,7 @@ def _hover(config: Config, value: float) -> _Judged:
     return f"{value:g}", verdict, advice
 
 
-def _loss_time(config: Config, value: float) -> _Judged:
+def _loss_time(config: Config, value: float, _: Found) -> _Judged:
     text = f"{value:g} s"
     if value > _LONGEST_LOSS_S:
         verdict = Verdict.DANGEROUS if value > _DANGEROUS_LOSS_S else Verdict.DIFFERS
@@ -171,8 +183,8 @@ def _loss_time(config: Config, value: float) -> _Judged:
     return text, Verdict.FINE, ""
 
 
-def _loss_action(_: Config, value: float) -> _Judged:
-    action = _OFFBOARD_LOSS[int(value)] if 0 <= value < len(_OFFBOARD_LOSS) else "Position"
+def _loss_action(_: Config, value: float, __: Found) -> _Judged:
+    action = _loss_name(value)
     text = f"{value:g} {action}"
     if action in ("Terminate", "Disarm"):
         return text, Verdict.DANGEROUS, "when the companion dies the vehicle falls: set it to 5 (Hold) or 4 (Land)"
@@ -182,27 +194,44 @@ def _loss_action(_: Config, value: float) -> _Judged:
     return text, Verdict.FINE, "with sticks; without them NAV_RCL_ACT" if action == "Position" else ""
 
 
-def _manual_control(_: Config, value: float) -> _Judged:
+def _loss_name(value: float) -> str:
+    """COM_OBL_RC_ACT."""
+    return _OFFBOARD_LOSS[int(value)] if 0 <= value < len(_OFFBOARD_LOSS) else "Position"
+
+
+def _manual_control(_: Config, value: float, __: Found) -> _Judged:
     if value == 4:
         advice = "no sticks: nobody takes over by hand; have a ground station ready to change the mode"
         return "4 none", Verdict.DIFFERS, advice
     return f"{value:g}", Verdict.FINE, ""
 
 
-def _link_loss(who: str) -> Callable[[Config, float], _Judged]:
-    def rule(_: Config, value: float) -> _Judged:
-        action = _LINK_LOSS.get(int(value), "unknown")
-        text = f"{value:g} {action}"
-        if action in ("Terminate", "Disarm", "unknown"):
-            return text, Verdict.DANGEROUS, f"without {who} the vehicle falls: set it to 2 (Return) or 3 (Land)"
-        if action == "Disabled" and who == "sticks":
-            return text, Verdict.DANGEROUS, "without sticks nothing happens: set it to 2 (Return) or 3 (Land)"
-        return text, Verdict.FINE, ""
-
-    return rule
+def _ground_station_loss(_: Config, value: float, __: Found) -> _Judged:
+    action = _LINK_LOSS.get(int(value), "unknown")
+    if action in ("Terminate", "Disarm", "unknown"):
+        advice = "without a ground station the vehicle falls: set it to 2 (Return) or 3 (Land)"
+        return f"{value:g} {action}", Verdict.DANGEROUS, advice
+    return f"{value:g} {action}", Verdict.FINE, ""
 
 
-def _loss_exceptions(_: Config, value: float) -> _Judged:
+def _stick_loss(_: Config, value: float, found: Found) -> _Judged:
+    """0 and what a version does not know mean that nothing happens, as 7 does from v1.18 on in OFFBOARD."""
+    action = _LINK_LOSS.get(int(value), "unknown")
+    text = f"{value:g} {action}"
+    if action in ("Terminate", "Disarm"):
+        return text, Verdict.DANGEROUS, "without sticks the vehicle falls: set it to 2 (Return) or 3 (Land)"
+    if value == _HOLD_NO_FAILSAFE and "MAN_OVERRIDE_SPD" in found:
+        text = "7 Hold, no failsafe"
+        if _loss_name(found.get("COM_OBL_RC_ACT", 0.0)) in _BY_STICKS:
+            advice = "and without sticks COM_OBL_RC_ACT does nothing when the companion dies: set that to 5 (Hold)"
+            return text, Verdict.DANGEROUS, advice
+        return text, Verdict.DIFFERS, "in OFFBOARD lost sticks change nothing: nobody can take over by hand"
+    if action in ("Disabled", "unknown"):
+        return text, Verdict.DANGEROUS, "without sticks nothing happens: set it to 2 (Return) or 3 (Land)"
+    return text, Verdict.FINE, ""
+
+
+def _loss_exceptions(_: Config, value: float, __: Found) -> _Judged:
     bit = _OFFBOARD_BIT["COM_RCL_EXCEPT"]
     if int(value) & bit:
         advice = f"in OFFBOARD lost sticks are ignored, and nobody can take over: set it to {int(value) & ~bit}"
@@ -210,11 +239,18 @@ def _loss_exceptions(_: Config, value: float) -> _Judged:
     return f"{value:g}", Verdict.FINE, ""
 
 
-def _override(_: Config, value: float) -> _Judged:
+def _override(_: Config, value: float, __: Found) -> _Judged:
     bit = _OFFBOARD_BIT["COM_RC_OVERRIDE"]
     if int(value) & bit:
         return f"{value:g}", Verdict.FINE, "the sticks end OFFBOARD"
     advice = f"the sticks do not end OFFBOARD, only the mode switch does: set it to {int(value) | bit}"
+    return f"{value:g}", Verdict.DIFFERS, advice
+
+
+def _override_speed(_: Config, value: float, __: Found) -> _Judged:
+    if value >= 0.0:
+        return f"{value:g} /s", Verdict.FINE, "sticks that move faster end OFFBOARD"
+    advice = "the sticks do not end OFFBOARD, only the mode switch does: set it to 1"
     return f"{value:g}", Verdict.DIFFERS, advice
 
 
@@ -228,13 +264,14 @@ def _rate(config: Config, name: str, value: float) -> Setting:
     return Setting(name, f"{value:g} B/s", Verdict.DIFFERS, advice)
 
 
-_RULES: Final[Mapping[str, Callable[[Config, float], _Judged]]] = {
+_RULES: Final[Mapping[str, _Rule]] = {
     "MPC_THR_HOVER": _hover,
     "COM_OF_LOSS_T": _loss_time,
     "COM_OBL_RC_ACT": _loss_action,
     "COM_RC_IN_MODE": _manual_control,
-    "NAV_RCL_ACT": _link_loss("sticks"),
+    "NAV_RCL_ACT": _stick_loss,
     "COM_RCL_EXCEPT": _loss_exceptions,
     "COM_RC_OVERRIDE": _override,
-    "NAV_DLL_ACT": _link_loss("a ground station"),
+    "MAN_OVERRIDE_SPD": _override_speed,
+    "NAV_DLL_ACT": _ground_station_loss,
 }

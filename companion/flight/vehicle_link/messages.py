@@ -17,11 +17,15 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Layout
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
+EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
+AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
+_LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
+_VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
 _PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
 _PARAM_NAME: Final = slice(8, 24)
 _PARAM_TYPE: Final = 24
@@ -63,11 +67,23 @@ class EstimatorStatus(NamedTuple):
     flags: int  # see EstimatorFlag
 
 
+class LandedState(NamedTuple):
+    """EXTENDED_SYS_STATE, from a vehicle that knows."""
+
+    landed: bool
+
+
 class Parameter(NamedTuple):
     """PARAM_VALUE: one parameter as the vehicle stores it."""
 
     name: str
     value: int | float
+
+
+class Firmware(NamedTuple):
+    """AUTOPILOT_VERSION: major, minor and patch of the autopilot's software."""
+
+    version: tuple[int, int, int]
 
 
 class Command(IntEnum):
@@ -97,6 +113,14 @@ def estimator_status(payload: bytes) -> EstimatorStatus:
     return EstimatorStatus(ESTIMATOR_STATUS.unpack(payload)[_FLAGS])
 
 
+def landed_state(payload: bytes) -> LandedState | None:
+    """An EXTENDED_SYS_STATE."""
+    state = EXTENDED_SYS_STATE.unpack(payload)[_LANDED_STATE]
+    if state == mavlink.MAV_LANDED_STATE_UNDEFINED:
+        return None
+    return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+
 def parameter(payload: bytes) -> Parameter | None:
     """A PARAM_VALUE; None for one of a type that PX4 does not have.
 
@@ -113,6 +137,12 @@ def parameter(payload: bytes) -> Parameter | None:
     return Parameter(name.decode("ascii", "replace"), value)
 
 
+def firmware(payload: bytes) -> Firmware:
+    """An AUTOPILOT_VERSION. Its lowest byte says whether it is a release; that is left out."""
+    number = AUTOPILOT_VERSION.unpack(payload)[_VERSION]
+    return Firmware((number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF))
+
+
 def answer(payload: bytes) -> Answer:
     """A COMMAND_ACK."""
     values = COMMAND_ACK.unpack(payload)
@@ -121,6 +151,8 @@ def answer(payload: bytes) -> Answer:
 
 ROWS: Final = (
     Row(ESTIMATOR_STATUS.message_id, estimator_status, 5.0),
+    Row(EXTENDED_SYS_STATE.message_id, landed_state),  # on every link of PX4 but `custom`
     Row(mavlink.MAVLINK_MSG_ID_PARAM_VALUE, parameter),
+    Row(AUTOPILOT_VERSION.message_id, firmware),
     Row(COMMAND_ACK.message_id, answer),
 )

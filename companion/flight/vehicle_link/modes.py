@@ -11,7 +11,17 @@ from companion.mavlink.px4 import Mode, Result, mode_name
 __all__ = ["BY_STICKS", "Mode", "Result", "killed", "mode_name"]
 
 # Modes that somebody with sticks chooses. Hold, Return, Land and the like a failsafe chooses too.
-BY_STICKS: Final = frozenset({Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION})
+BY_STICKS: Final = frozenset(
+    {
+        Mode.MANUAL,
+        Mode.STABILIZED,
+        Mode.ACRO,
+        Mode.ALTITUDE,
+        Mode.ALTITUDE_CRUISE,
+        Mode.POSITION,
+        Mode.POSITION_SLOW,
+    }
+)
 
 
 def killed(mode: int, system_status: int) -> bool:

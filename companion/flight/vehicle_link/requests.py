@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.flight.vehicle_link.messages import ROWS
+from companion.flight.vehicle_link.messages import AUTOPILOT_VERSION, ROWS
 from companion.flight.vehicle_link.modes import Mode
 from companion.flight.vehicle_link.odometry import PoseSource
 from companion.mavlink import px4
@@ -36,6 +36,11 @@ class TellHeartbeat:
 
 
 @dataclass(frozen=True, slots=True)
+class TellFirmware:
+    """Which firmware it is."""
+
+
+@dataclass(frozen=True, slots=True)
 class ReadParameter:
     """One parameter by name. PX4 answers an unknown name with silence."""
 
@@ -49,7 +54,7 @@ class Stream:
     odometry_hz: float
 
 
-Request = Arm | SetMode | TellHeartbeat | ReadParameter | Stream
+Request = Arm | SetMode | TellHeartbeat | TellFirmware | ReadParameter | Stream
 
 
 def encode(request: Request, ids: tuple[int, int], pose: PoseSource) -> list[Any]:
@@ -61,6 +66,8 @@ def encode(request: Request, ids: tuple[int, int], pose: PoseSource) -> list[Any
             return [px4.set_mode(*ids, mode)]
         case TellHeartbeat():
             return [px4.request_message(*ids, HEARTBEAT.message_id)]
+        case TellFirmware():
+            return [px4.request_message(*ids, AUTOPILOT_VERSION.message_id)]
         case ReadParameter(name):
             return [mavlink.MAVLink_param_request_read_message(*ids, name.encode(), -1)]
         case Stream(odometry_hz):

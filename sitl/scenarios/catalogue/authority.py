@@ -2,15 +2,47 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from companion.flight.authority.states import Reason
 from sitl.autopilot.modes import FlightMode
-from sitl.scenarios.actors import OperatorStops, PilotDisarms, PilotKills, PilotTakes
+from sitl.scenarios.actors import OperatorStops, PilotArms, PilotDisarms, PilotKills, PilotTakes
 from sitl.scenarios.catalogue.flight import FAULT, HOVER, STEP
 from sitl.scenarios.scenario import Scenario
 
+# From the ground, with a pilot who does not take off: no thrust, and PX4 disarms by itself (COM_DISARM_PRFLT).
+_on_the_ground = partial(
+    Scenario,
+    reason=Reason.ON_GROUND,
+    overrides=HOVER,
+    airborne=False,
+    engaged=False,
+    armed=False,
+    coast_s=14.0,
+    stays_within_m=0.0,
+    margin_m=0.0,
+    events=("standby",),
+)
+
 AUTHORITY: Final = (
+    _on_the_ground(
+        name="on_ground_then_armed",
+        about="the pilot chooses OFFBOARD while it is disarmed on the ground, and arms",
+        before=(PilotArms(FlightMode.OFFBOARD),),
+    ),
+    _on_the_ground(
+        name="on_ground_armed",
+        about="the pilot arms on the ground in Hold, and chooses OFFBOARD there",
+        before=(PilotArms(FlightMode.HOLD),),
+    ),
+    _on_the_ground(
+        name="on_ground_noisy",
+        about="the same with the estimate of a GPS, which is never at rest",
+        overrides=(*HOVER, "plant.sensors={preset: gps}"),
+        own_clock=True,
+        before=(PilotArms(FlightMode.OFFBOARD),),
+    ),
     Scenario(
         "pilot_position",
         "the pilot takes over with the sticks",
@@ -55,7 +87,7 @@ AUTHORITY: Final = (
         "the pilot switches a moment before a fault releases: the pilot keeps it",
         Reason.ESTIMATOR_JUMP,
         ((1.99, PilotTakes(FlightMode.POSCTL)), (2.0, FAULT)),
-        overrides=HOVER,
+        overrides=(*HOVER, "plant.telemetry=even"),  # PX4 tells the mode at once, and it would be no race
         ends_in=(FlightMode.POSCTL,),
         by_s=2.2,
         stays_within_m=2.0,

@@ -19,6 +19,7 @@ from sitl.scenarios.faults import (
     LagBehind,
     LoseGps,
     Mute,
+    RegainGps,
 )
 from sitl.scenarios.scenario import Scenario
 from sitl.world.environment import Wind
@@ -52,6 +53,27 @@ ESTIMATOR: Final = (
         overrides=LONG_HOVER,
         stays_within_m=2.0,
         by_s=6.5,
+    ),
+    Scenario(
+        "gps_returns",
+        "the GPS is away for 3 s; when it is back four resets are counted at once, by 1.4 m in z",
+        Reason.ESTIMATOR_JUMP,
+        ((1.0, LoseGps(for_s=3.0)), (4.0, RegainGps())),
+        overrides=LONG_HOVER,
+        by_s=4.2,
+        stays_within_m=2.0,
+    ),
+    Scenario(
+        "gps_switched_off_and_on",
+        "one small reset is counted in z, and then the position slides 5.7 m and nobody counts it",
+        Reason.VELOCITY_CONSISTENCY,
+        ((2.0, RegainGps(1, (0.0, 0.0, 0.2), (-5.7, 0.0, 0.0))),),
+        overrides=HOVER,
+        by_s=2.6,
+        stays_within_m=1.0,
+        margin_m=6.0,
+        error_m=2.0,
+        events=("reseated",),
     ),
     Scenario(
         "gps_lost_unseen",

@@ -7,7 +7,7 @@ from typing import Final
 from companion.flight.authority.states import Reason
 from sitl.scenarios.actors import Forge, Stall, Unplug
 from sitl.scenarios.catalogue.flight import BY_ITSELF, DONE, HOVER, LONG_HOVER, STEP
-from sitl.scenarios.faults import Impair, Mute, Thin
+from sitl.scenarios.faults import Impair, Mute, SlowClock, Thin
 from sitl.scenarios.scenario import Scenario
 from sitl.wire.impairments import Impairments
 
@@ -192,6 +192,16 @@ LINK: Final = (
         stays_within_m=1.0,
     ),
     Scenario(
+        "clock_slow",
+        "PX4's clock runs at 0.8 of ours, as a simulation on a busy machine: told, and no jitter",
+        DONE,
+        overrides=LONG_HOVER,
+        before=(SlowClock(0.8),),
+        own_clock=True,
+        stays_within_m=0.5,
+        events=("clock_rate",),
+    ),
+    Scenario(
         "forged",
         "another system claims that the vehicle is disarmed and in Hold",
         DONE,
@@ -234,6 +244,16 @@ LINK: Final = (
         "the vehicle's gains are not those that its response was identified with",
         Reason.CERTIFICATE_STALE,
         overrides=(*HOVER, "vehicle.parameters={MC_ROLL_P: 4.0}", "plant.parameters={MC_ROLL_P: 6.5}"),
+        own_clock=True,
+        engaged=False,
+        streams=False,
+        coast_s=0.1,
+    ),
+    Scenario(
+        "firmware_stale",
+        "the vehicle's PX4 is not the one that its response was identified with",
+        Reason.CERTIFICATE_STALE,
+        overrides=(*HOVER, 'vehicle.px4_version="1.17"', 'plant.px4_version="1.18"'),
         own_clock=True,
         engaged=False,
         streams=False,

@@ -8,7 +8,7 @@ from typing import Final
 from companion.flight.authority.states import Reason
 from sitl.autopilot.modes import FlightMode
 from sitl.autopilot.request_faults import Answer
-from sitl.scenarios.actors import AnswerTo, AnswerToArming, FailSafe, Recover
+from sitl.scenarios.actors import AnswerTo, AnswerToArming, FailSafe, PilotTakes, Recover, SticksMove
 from sitl.scenarios.catalogue.flight import BY_ITSELF, DONE, FAULT, HOVER
 from sitl.scenarios.scenario import Scenario
 
@@ -81,6 +81,35 @@ PX4: Final = (
         overrides=(*HOVER, "release.mode=return"),
         ends_in=(FlightMode.RTL,),
         stays_within_m=6.0,
+    ),
+    Scenario(
+        "sticks_v1_17",
+        "sticks pushed hard leave OFFBOARD alone in PX4 v1.17 with default parameters",
+        DONE,
+        ((2.0, SticksMove(100.0, 5.0)),),
+        overrides=(*HOVER, 'plant.px4_version="1.17"'),
+    ),
+    Scenario(
+        "sticks_v1_18",
+        "sticks pushed hard take OFFBOARD in PX4 v1.18 with default parameters",
+        Reason.MODE_CHANGED,
+        ((2.0, SticksMove(100.0, 5.0)),),
+        overrides=(*HOVER, 'plant.px4_version="1.18"'),
+        ends_in=(FlightMode.POSCTL,),
+        by_s=2.2,
+    ),
+    Scenario(
+        "landed_by_command",
+        "the pilot lands it by command: disarmed, PX4 is in OFFBOARD again, and nobody flies it",
+        Reason.MODE_CHANGED,
+        ((2.0, PilotTakes(FlightMode.LAND)),),
+        overrides=HOVER,
+        ends_in=(FlightMode.OFFBOARD,),
+        armed=False,
+        by_s=2.2,
+        coast_s=20.0,
+        stays_within_m=5.0,
+        margin_m=5.0,
     ),
     _engaging(
         "arming_refused",

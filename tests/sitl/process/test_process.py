@@ -8,7 +8,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from harness.fake_autopilot import HOLD, POSITION, Forged, odometry, position_and_attitude
+from harness.fake_autopilot import HOLD, OFFBOARD, POSITION, Forged, odometry, position_and_attitude
 from harness.process_flight import run_against
 from harness.processes import PATIENT, end_of, eventually, line_with
 from harness.virtual_flight import flown
@@ -48,6 +48,35 @@ def test_silent_odometry_ends_control_then_hold_then_silence(tmp_path: Path) -> 
         last = [m.get_type() for m in autopilot.heard[-3:]]
         assert "SET_ATTITUDE_TARGET" not in last[-1:]
         assert any(m.get_type() == "STATUSTEXT" and "pose_stale" in m.text for m in autopilot.heard)
+
+
+def test_odometry_that_stops_in_disarmed_stand_by_is_waited_for(tmp_path: Path) -> None:
+    with flown(tmp_path) as flight:
+        autopilot = flight.autopilot
+        autopilot.armed = autopilot.switches = False
+        flight.until("^standby")
+        pose, autopilot.pose = autopilot.pose, lambda _: []
+        flight.until("no odometry any more")
+        sent = len(autopilot.setpoints())
+        flight.fly_on(5.0)
+        assert flight.running
+        assert len(autopilot.setpoints()) == sent, "nothing is sent without it"
+        autopilot.pose = pose
+        flight.until("odometry comes again")
+        autopilot.armed, autopilot.mode = True, OFFBOARD
+        flight.until("^engaged", 3.0)
+
+
+def test_armed_without_odometry_it_never_begins(tmp_path: Path) -> None:
+    with flown(tmp_path) as flight:
+        autopilot = flight.autopilot
+        autopilot.armed = autopilot.switches = False
+        flight.until("^standby")
+        autopilot.pose = lambda _: []
+        flight.until("no odometry any more")
+        autopilot.armed, autopilot.mode = True, OFFBOARD
+        assert "pose_stale" in flight.until("^released", 3.0)
+        assert flight.summary is None or not flight.summary.engaged
 
 
 def test_lost_heartbeat_ends_control(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ from companion.attitude_response.exact import decimal, interval
 from companion.attitude_response.kinds import FirstOrder, SecondOrder, TransferFunction
 from companion.attitude_response.realisation import companion_form, delay_line, is_hurwitz
 from companion.attitude_response.response import AttitudeResponse, corners
-from companion.certify.closed_loop import axis_vertices, joint_vertices
+from companion.certify.closed_loop import axis_vertices, joint_channel
 from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem, Sampling
+from companion.certify.proof import channel_vertices
 from companion.certify.statement import problem_of, statement
 
 
@@ -78,7 +79,7 @@ def test_a_free_yaw_needs_two_axes_of_one_order(rig):
     with pytest.raises(ValueError, match="give both"):
         Problem({"x": rig()}, yaw_free=True)
     with pytest.raises(ValueError, match="same order"):
-        joint_vertices(rig(), rig(delay="0.02"))
+        joint_channel(rig(), replace(rig(), response=response(SecondOrder(interval("9"), interval("1")))))
 
 
 def test_vertices_are_equation_24(rig):
@@ -134,7 +135,7 @@ def test_vertices_enclose_the_box(rig):
 
 def test_yaw_corners_hold_every_yaw(rig):
     """At yaw 0 and 90 degrees the joint loop is that of each axis; the octagon holds the circle."""
-    matrices = np.array(joint_vertices(rig("3"), rig("4")), dtype=float)
+    matrices = np.array(channel_vertices(joint_channel(rig("3"), rig("4"))), dtype=float)
     assert matrices.shape == (128, 6, 6)
     cosine, sine = (2 * matrices[:, 4, 4] + 7), 2 * matrices[:, 4, 5]  # -(3.5 - 0.5 cos), 0.5 sin
     assert np.all(np.abs(cosine) <= 1 + 1e-12)

@@ -14,8 +14,17 @@ from companion.attitude_response.kinds import SecondOrder
 from companion.attitude_response.response import AttitudeResponse
 from companion.attitude_response.transfer_function import TransferFunction
 from companion.certify.closed_loop import axis_channel, joint_channel
+from companion.certify.piecewise.inequalities import Forms
 from companion.certify.piecewise.sector_proof import check_sectors, sector_proof_json, sector_proof_of
-from companion.certify.piecewise.sector_solver import natural_scale, plan, prove_by_sectors, rays, rounded, solve
+from companion.certify.piecewise.sector_search import (
+    Believed,
+    natural_scale,
+    plan,
+    prove_by_sectors,
+    rays,
+    rounded,
+)
+from companion.certify.piecewise.sector_solver import solve
 from companion.certify.piecewise.sectors import Scale, sectors
 from companion.certify.problem import Problem
 
@@ -70,10 +79,14 @@ def test_what_a_counterexample_refutes_is_not_proven(count, rig, simulation):
 def test_a_believed_candidate_of_an_unstable_loop_is_refused(rig):
     channel = axis_channel(rig("2.53"))
     wanted = plan(channel, 8, natural_scale(channel, RIG))
-    candidate = solve(wanted)
+    forms = Forms(wanted)
+    candidate = solve(wanted, forms, range(len(wanted.inequalities)))
     assert candidate is not None
+    margins, signs = forms.margins(candidate.unknowns)
+    assert margins.min() < 0
     for bits in (12, 20, 40):
-        assert check_sectors(rounded(wanted, candidate, bits), channel) != ""
+        believed = Believed(wanted, candidate.unknowns, signs, 1.0)
+        assert check_sectors(rounded(believed, bits), channel) != ""
 
 
 def test_a_long_delay_is_refused_that_a_pade_approximant_would_pass(rig):

@@ -70,7 +70,9 @@ def test_only_the_lines_of_the_value_change(path: tuple[str, ...], value: str) -
     assert all("#" not in line or line.split("#")[1] in text for line in gone)
 
 
-@pytest.mark.parametrize("name", ["antx_rig.yaml", "paper_quadrotor.yaml", "px4_quadrotor.yaml"])
+@pytest.mark.parametrize(
+    "name", ["antx_rig.yaml", "paper_quadrotor.yaml", "px4_quadrotor.yaml", "px4_quadrotor_1_18.yaml"]
+)
 def test_the_shipped_files_keep_all_but_what_is_changed(name: str) -> None:
     old = (Path(__file__).parents[3] / "config" / name).read_text(encoding="utf-8")
     new = edited(old, {("controller", "axes", "x", "natural_frequency_rad_s"): "1.5"})

@@ -37,6 +37,10 @@ KILLED = FLYING._replace(killed=True)
         (State.STANDBY, FLYING, State.ENGAGED, None),
         (State.STANDBY, KILLED, State.STANDBY, None),
         (State.STANDBY, FLYING._replace(hands_off=True), State.STANDBY, None),
+        (State.STANDBY, FLYING._replace(on_ground=True), State.RELEASED, Reason.ON_GROUND),
+        (State.STANDBY, FLYING._replace(on_ground=True, offboard=False), State.STANDBY, None),
+        (State.STANDBY, FLYING._replace(on_ground=True, hands_off=True), State.STANDBY, None),
+        (State.ENGAGED, FLYING._replace(on_ground=True), State.ENGAGED, None),
         (State.STANDBY, FLYING._replace(fault=Reason.POSE_STALE), State.RELEASED, Reason.POSE_STALE),
         (State.ENGAGED, FLYING, State.ENGAGED, None),
         (State.ENGAGED, FLYING._replace(offboard=False), State.RELEASED, Reason.MODE_CHANGED),
@@ -91,7 +95,9 @@ def test_hands_off_what_flew_offboard_before_us(
 
 
 def test_only_sticks_tell_a_pilot_from_a_failsafe() -> None:
-    assert {Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION} == BY_STICKS
+    assert {Mode.MANUAL, Mode.STABILIZED, Mode.ACRO, Mode.ALTITUDE, Mode.POSITION} < BY_STICKS
+    assert {Mode.ALTITUDE_CRUISE, Mode.POSITION_SLOW} < BY_STICKS
+    assert not {Mode.OFFBOARD, Mode.HOLD, Mode.RETURN, Mode.LAND, Mode.EXTERNAL_1, Mode.ORBIT} & BY_STICKS
 
 
 def test_kill_and_termination_show_in_the_system_status_or_the_mode() -> None:

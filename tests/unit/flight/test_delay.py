@@ -95,6 +95,33 @@ def test_clocks_that_drift_are_not_lateness() -> None:
     assert delay.jitter_s < 2e-3
 
 
+@pytest.mark.parametrize("rate", [0.95, 0.8, 1.1])
+def test_a_slow_clock_is_not_lateness_either_and_is_known(rate: float) -> None:
+    """A simulated PX4 told to run at 0.8 (PX4_SIM_SPEED_FACTOR): without its clock 0.15 s a second would add up."""
+    delay = LinkDelay()
+    worst_s = 0.0
+    for k in range(2000):
+        now = 100.0 + 0.01 * k
+        if k % 20 == 0:
+            request = delay.request(now)
+            theirs_s = 5.0 + rate * (now + 0.002 - 100.0)
+            delay.answered(timesync(round(theirs_s * 1e9), request.ts1), now + 0.004)
+        delay.heard(5.0 + rate * (now - 100.0), now + 0.004)
+        worst_s = max(worst_s, delay.jitter_s)
+    assert delay.clock_rate == pytest.approx(rate, abs=1e-3)
+    assert worst_s < 0.15, "not even while the clock is not known yet"
+    delay.heard(5.0 + rate * 20.0, 120.2 + 0.004)
+    assert delay.jitter_s == pytest.approx(0.2, abs=0.07), "lateness is seen as before"
+    delay.restart()
+    assert math.isnan(delay.clock_rate)
+
+
+def test_an_answer_of_another_clock_is_none() -> None:
+    delay = LinkDelay()
+    round_trips(delay, [0.01] * 20)
+    assert math.isnan(delay.clock_rate)
+
+
 def test_a_clock_that_begins_anew_is_not_lateness() -> None:
     delay = LinkDelay()
     delay.heard(500.0, 1000.0)

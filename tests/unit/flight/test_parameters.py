@@ -12,7 +12,6 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import ConfigError, load_config
 from companion.flight.readiness.parameters import Difference, ParameterReader, differences, stale
-from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.messages import Parameter, parameter
 from companion.flight.vehicle_link.odometry import PoseSource
 from companion.flight.vehicle_link.requests import encode
@@ -107,20 +106,6 @@ def test_stale_names_each_change() -> None:
     assert "does not tell MC_PITCH_P" in line
     assert "COM_OBL" not in line
     assert len(line.splitlines()) == 1
-
-
-def test_what_is_set_after_the_check_is_compared_too() -> None:
-    config = load_config(QUADROTOR, ("vehicle.parameters={MC_ROLL_P: 4.0}", "vehicle.hover_thrust_source=config"))
-    preflight = Preflight(config, PoseSource())
-    assert not preflight.on_parameter(real("MC_ROLL_P", 4.0))
-    assert preflight.stale is None
-    assert not preflight.on_parameter(real("MC_PITCH_P", 9.0))  # nobody has asked
-    assert not preflight.on_parameter(real("MC_ROLL_P", 4.0))
-    assert preflight.on_parameter(real("MC_ROLL_P", 6.5))
-    assert "MC_ROLL_P is 6.5, was 4" in (preflight.refused() or "")
-    assert not preflight.on_parameter(real("MC_ROLL_P", 6.5))  # once
-    assert preflight.on_parameter(real("MC_ROLL_P", 4.0))
-    assert preflight.refused() is None
 
 
 def test_the_config_states_them() -> None:

@@ -50,11 +50,18 @@ class Wire:
     def send(self, data: bytes) -> None: ...
 
 
-def session() -> Session:
+def session(config: str = "antx_rig", *, bench: bool = False) -> Session:
     recorder: Any = SimpleNamespace(add=lambda *_: None)
     wire: Any = Wire()
-    config = load_config(ROOT / "config" / "antx_rig.yaml")
-    return Session(config, wire, recorder, hedging=True, lockstep=True, print_line=lambda _: None)
+    loaded = load_config(ROOT / "config" / f"{config}.yaml")
+    return Session(loaded, wire, recorder, hedging=True, lockstep=True, bench=bench, print_line=lambda _: None)
+
+
+def test_on_the_bench_there_is_no_ground_to_begin_on() -> None:
+    for bench in (False, True):
+        ground = session("px4_quadrotor", bench=bench).ground
+        ground.on_report(1.0, landed=True, offboard=False)
+        assert ground.began_on(2.0, offboard=True) is not bench
 
 
 def test_an_ending_carries_its_own_text_and_the_first_one_stays() -> None:

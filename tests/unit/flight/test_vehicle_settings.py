@@ -7,24 +7,27 @@ from pathlib import Path
 import pytest
 
 from companion.config import Config, load_config
+from companion.flight.readiness.parameters import GAINS, REFERENCE_MODEL
 from companion.flight.readiness.px4_settings import (
-    GAINS,
-    KINDS,
     Setting,
     Verdict,
     judge_firmware,
     judge_health,
     judge_odometry,
     judge_parameters,
+    kinds,
     unstated,
     worst,
 )
-from sitl.autopilot.parameters import PX4_DEFAULTS
+from sitl.autopilot.parameters import PX4_DEFAULTS, Px4Version
 from sitl.build import plant_parameters
 
 QUADROTOR = Path(__file__).resolve().parents[3] / "config" / "paper_quadrotor.yaml"
 FINE, DIFFERS, DANGEROUS = Verdict
-GOOD = {name: PX4_DEFAULTS[name] for name in KINDS} | {"COM_RC_OVERRIDE": 3}
+V1_17, V1_18 = (1, 17, 0), (1, 18, 0)
+PLANT_17, PLANT_18 = (PX4_DEFAULTS[version] for version in Px4Version)
+GOOD = {name: PLANT_17[name] for name in kinds(V1_17)} | {"COM_RC_OVERRIDE": 3}
+GOOD_18 = {name: PLANT_18[name] for name in kinds(V1_18)}
 HEALTHY = dict.fromkeys(
     ("gyroscope", "accelerometer", "magnetometer", "local position", "global position", "home", "armable"), True
 )
@@ -35,7 +38,11 @@ def config(*overrides: str) -> Config:
 
 
 def row(name: str, value: float, *overrides: str) -> Setting:
-    rows = {setting.name: setting for setting in judge_parameters(config(*overrides), {**GOOD, name: value})}
+    return judged(name, V1_17, {**GOOD, name: value}, *overrides)
+
+
+def judged(name: str, version: tuple[int, int, int], found: dict[str, float], *overrides: str) -> Setting:
+    rows = {setting.name: setting for setting in judge_parameters(config(*overrides), version, found)}
     others = [setting for setting in rows.values() if setting.name != name]
     assert worst(others) is FINE
     return rows[name]
@@ -62,6 +69,7 @@ def row(name: str, value: float, *overrides: str) -> Setting:
         ("NAV_RCL_ACT", 0, DANGEROUS, "nothing happens"),
         ("NAV_RCL_ACT", 5, DANGEROUS, "falls"),
         ("NAV_RCL_ACT", 6, DANGEROUS, "falls"),
+        ("NAV_RCL_ACT", 7, DANGEROUS, "nothing happens"),
         ("COM_RCL_EXCEPT", 3, FINE, ""),
         ("COM_RCL_EXCEPT", 7, DANGEROUS, "set it to 3"),
         ("COM_RC_OVERRIDE", 1, DIFFERS, "set it to 3"),
@@ -91,23 +99,67 @@ def test_a_changed_gain_makes_the_certificate_stale() -> None:
 
 
 def test_any_parameter_may_be_stated() -> None:
-    rows = judge_parameters(config("vehicle.parameters={MC_AIRMODE: 1}"), {**GOOD, "MC_AIRMODE": 0})
+    rows = judge_parameters(config("vehicle.parameters={MC_AIRMODE: 1}"), V1_17, {**GOOD, "MC_AIRMODE": 0})
     assert [setting.verdict for setting in rows if setting.name == "MC_AIRMODE"] == [DIFFERS]
 
 
 def test_what_the_vehicle_does_not_tell_differs() -> None:
     found = {name: value for name, value in GOOD.items() if name != "MC_ROLL_P"}
-    assert worst(judge_parameters(config(), found)) is DIFFERS
+    assert worst(judge_parameters(config(), V1_17, found)) is DIFFERS
 
 
 def test_gains_that_nobody_stated_are_offered() -> None:
-    assert unstated(config(), GOOD) == {name: GOOD[name] for name in GAINS}
-    assert "MC_ROLL_P" not in unstated(config("vehicle.parameters={MC_ROLL_P: 4.0}"), GOOD)
+    assert unstated(config(), V1_17, GOOD) == {name: GOOD[name] for name in GAINS}
+    assert "MC_ROLL_P" not in unstated(config("vehicle.parameters={MC_ROLL_P: 4.0}"), V1_17, GOOD)
+    assert set(unstated(config(), V1_18, GOOD_18)) == {*GAINS, *REFERENCE_MODEL}
+
+
+def test_each_version_is_asked_for_what_it_has() -> None:
+    assert set(kinds(V1_17)) < set(PLANT_17)
+    assert set(kinds(V1_18)) < set(PLANT_18)
+    for version, defaults in ((V1_17, PLANT_17), (V1_18, PLANT_18)):
+        assert {name: type(defaults[name]) for name in kinds(version)} == dict(kinds(version))
+    assert worst(judge_parameters(config(), V1_18, GOOD_18)) is FINE, "the default takes OFFBOARD by the sticks"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "further", "verdict", "says"),
+    [
+        ("MAN_OVERRIDE_SPD", 0.0, {}, FINE, "end OFFBOARD"),
+        ("MAN_OVERRIDE_SPD", -1.0, {}, DIFFERS, "mode switch"),
+        ("NAV_RCL_ACT", 7, {"COM_OBL_RC_ACT": 5}, DIFFERS, "nobody can take over"),
+        ("NAV_RCL_ACT", 7, {"COM_OBL_RC_ACT": 0}, DANGEROUS, "COM_OBL_RC_ACT"),
+        ("NAV_RCL_ACT", 6, {}, DANGEROUS, "falls"),
+        ("NAV_RCL_ACT", 9, {}, DANGEROUS, "nothing happens"),
+        ("MC_REF_W_N", 30.0, {}, FINE, "not compared"),
+    ],
+)
+def test_each_setting_of_v1_18(name: str, value: float, further: dict[str, float], verdict: Verdict, says: str) -> None:
+    setting = judged(name, V1_18, {**GOOD_18, **further, name: value})
+    assert setting.verdict is verdict
+    assert says in setting.advice
+    assert len(setting.advice) < 120, "one line"
+    if name == "NAV_RCL_ACT" and value == 7:
+        assert "Hold" in setting.value
+
+
+def test_the_reference_model_makes_the_certificate_stale() -> None:
+    stated = "vehicle.parameters={MC_REF_W_N: 50}"
+    assert "stale" in judged("MC_REF_W_N", V1_18, {**GOOD_18, "MC_REF_W_N": 200.0}, stated).advice
+    absent = judged("MC_REF_W_N", V1_17, GOOD, stated)
+    assert (absent.verdict, absent.value) == (DIFFERS, "-")
 
 
 def test_firmware() -> None:
-    assert judge_firmware((1, 17, 3), "1.17.3").verdict is FINE
-    assert judge_firmware((1, 16, 0), "1.16.0").verdict is DIFFERS
+    assert judge_firmware(config(), (1, 17, 3), "1.17.3").verdict is FINE
+    assert judge_firmware(config(), (1, 18, 0), "1.18.0").verdict is FINE
+    assert judge_firmware(config(), (1, 16, 0), "1.16.0").verdict is DIFFERS
+    assert judge_firmware(config(), (1, 19, 0), "1.19.0").verdict is DIFFERS
+    of_17 = config('vehicle.px4_version="1.17"')
+    assert judge_firmware(of_17, (1, 17, 3), "1.17.3").advice == "as identified"
+    other = judge_firmware(of_17, (1, 18, 0), "1.18.0")
+    assert other.verdict is DIFFERS
+    assert "stale" in other.advice
 
 
 @pytest.mark.parametrize(

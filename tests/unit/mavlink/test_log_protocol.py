@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink import ulog
 from companion.mavlink.codec import Encoder, Frame, FrameParser
 from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList, Pace
-from sitl.messages.log_download import LogDownload, LogFile, synthetic_log
+from sitl.messages.log_card import LogFile, synthetic_log
+from sitl.messages.log_download import LogDownload
 
 STEP_S = 0.01
 

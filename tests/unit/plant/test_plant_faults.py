@@ -13,6 +13,7 @@ from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commands import VehicleCommand, execute, switch
 from sitl.autopilot.modes import FlightMode, custom_mode
 from sitl.autopilot.request_faults import Answer, RequestFaults
+from sitl.autopilot.status import system_status
 from sitl.build import build_world
 from sitl.messages.telemetry import Telemetry
 from sitl.scenarios.settled import ALTITUDE_M, SETTLE_S, settled_world
@@ -118,7 +119,7 @@ def test_current_mode_tells_what_is_intended_while_a_failsafe_flies() -> None:
     message = told(pilot, "CURRENT_MODE")
     assert message.custom_mode == custom_mode(FlightMode.RTL)
     assert message.intended_custom_mode == custom_mode(FlightMode.OFFBOARD)
-    assert pilot.system_status == 5
+    assert system_status(pilot) == 5
 
 
 def test_health_is_told_by_odometry_and_estimator_status() -> None:
@@ -181,7 +182,7 @@ def test_kill_stops_the_motors_at_once_and_disarms_after_five_seconds() -> None:
     pilot.commander.kill(pilot.time_us)
     pilot.advance(20_000)
     pilot.on_attitude_target((1.0, 0.0, 0.0, 0.0), 0.5)
-    assert (pilot.setpoint.thrust, pilot.commander.armed, pilot.system_status) == (0.0, True, 8)
+    assert (pilot.setpoint.thrust, pilot.commander.armed, system_status(pilot)) == (0.0, True, 8)
     pilot.advance(5_100_000)
     assert not pilot.commander.armed
 

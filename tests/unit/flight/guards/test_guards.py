@@ -173,11 +173,14 @@ def test_limits_are_in_our_units_and_some_follow_from_elsewhere() -> None:
     assert usual[Reason.ENVELOPE] == 1.0
     assert usual[Reason.POSE_RATE] == pytest.approx(900, rel=0.02)
     assert limits("guards.pose_rate_hz.limit=950")[Reason.POSE_RATE] == pytest.approx(950, rel=0.02)
-    assert usual[Reason.LINK_DELAY] == math.inf  # nothing is certified with a delay
+    assert usual[Reason.LINK_DELAY] == math.inf  # without a certificate nothing is known of a delay
+    assert usual[Reason.LINK_JITTER] == 0.15
     shared = limits("attitude.x.delay_s=[0.01, 0.03]")
     assert shared[Reason.LINK_DELAY] == pytest.approx(0.02)  # the vehicle has the rest
+    assert shared[Reason.LINK_JITTER] == pytest.approx(0.02)
+    assert limits("attitude.x.delay_s=0.03", "guards.link_jitter_s.limit=0.01")[Reason.LINK_JITTER] == 0.01
     given = limits("attitude.x.delay_s=0.03", "guards.link_delay_s.limit=0.02")
-    assert given[Reason.LINK_DELAY] == 0.02
+    assert given[Reason.LINK_DELAY] == given[Reason.LINK_JITTER] == 0.02
     identifying = guards.limits(load_config(ROOT / "config" / "px4_quadrotor.yaml", ("mission={identification: {}}",)))
     assert identifying[Reason.ATTITUDE_RESPONSE] == math.inf
 

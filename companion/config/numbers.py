@@ -1,0 +1,92 @@
+"""YAML as this project reads it: a number is the decimal number that a person sees, or it is refused.
+
+PyYAML follows YAML 1.1, where `010` is 8, `1:30` is 90, `0x1F` is 31, `1_000` is 1000 and `1e-3` is a word, and it
+drops digits that a double cannot hold. The certificate speaks of the numbers as written, so that none of this may
+happen silently: a number is decimal digits without leading zeros, with a point and an exponent as wanted, and the
+shortest text of the double that is flown equals it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from typing import Any, Final
+
+import yaml
+
+_PLAIN: Final = re.compile(r"[-+]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_DIGITS: Final = re.compile(r"[-+]?[0-9]+")
+_INT, _FLOAT, _STR = (f"tag:yaml.org,2002:{name}" for name in ("int", "float", "str"))
+
+
+class Loader(yaml.SafeLoader):
+    """Also refuses a key given twice, where PyYAML would silently keep the last."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Every mapping comes through here."""
+        node = super().compose_mapping_node(anchor)
+        seen: set[tuple[str, str]] = set()
+        for key_node, _ in node.value:  # as written: what a merge key brings in comes later and may be overridden
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.composer.ComposerError(None, None, "a key must be a word", key_node.start_mark)
+            key = (key_node.tag, key_node.value)
+            if key in seen:
+                raise yaml.composer.ComposerError(None, None, f"key {key_node.value} given twice", key_node.start_mark)
+            seen.add(key)
+        return node
+
+    def construct_number(self, node: yaml.ScalarNode) -> object:
+        """What YAML 1.1 takes for a number. Infinities and nan pass: the schema refuses them by key."""
+        if not _PLAIN.fullmatch(node.value):
+            read = self.construct_yaml_int(node) if node.tag == _INT else self.construct_yaml_float(node)
+            if math.isfinite(read):
+                _refuse(node, f"is no plain decimal number, and YAML would read {read}: write what is meant")
+            return read
+        return int(node.value) if _DIGITS.fullmatch(node.value) else _exact(node)
+
+    def construct_word(self, node: yaml.ScalarNode) -> object:
+        """What YAML 1.1 takes for a word, among them `1e-3` and `08`."""
+        if node.style is not None:  # in quotes, or a block of text
+            return node.value
+        if _PLAIN.fullmatch(node.value):
+            return _exact(node)
+        if _number_to_python(node.value):
+            _refuse(node, "is no plain decimal number: write decimal digits, or quotes around a word")
+        return node.value
+
+
+def kept(value: int) -> bool:
+    """Whether an integer is kept as a double."""
+    try:
+        return int(float(value)) == value
+    except OverflowError:
+        return False
+
+
+def _exact(node: yaml.ScalarNode) -> float:
+    value = float(node.value)
+    try:
+        same = not math.isfinite(value) or Decimal(node.value) == Decimal(repr(value))
+    except ArithmeticError:  # an exponent beyond any
+        same = False
+    if not same:
+        _refuse(node, f"has more digits than are kept: write {value!r}")
+    return value
+
+
+def _number_to_python(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _refuse(node: yaml.ScalarNode, why: str) -> None:
+    shown = node.value if len(node.value) <= 40 else f"{node.value[:37]}..."
+    raise yaml.constructor.ConstructorError(None, None, f"{shown} {why}", node.start_mark)
+
+
+Loader.add_constructor(_INT, Loader.construct_number)
+Loader.add_constructor(_FLOAT, Loader.construct_number)
+Loader.add_constructor(_STR, Loader.construct_word)
