@@ -206,7 +206,7 @@ def channels(problem: Problem) -> dict[str, Channel]:
 def longest_tick_s(problem: Problem, axis: str) -> Fraction:
     """The longest tick of an axis in s; zero where the problem states none, or where it is not proven.
 
-    It is not for a turning yaw, and not for a transfer function of first order, whose slope is no affine function of it.
+    It is not for a turning yaw, and not for a transfer function of first order, whose slope is not affine in it.
     """
     sampling, dynamics = problem.sampling.get(axis), problem.axes[axis].response.dynamics
     bent = isinstance(dynamics, TransferFunction) and len(dynamics.denominator) == 2
