@@ -158,15 +158,22 @@ def assess(
     found = known_verdict or verdict_of(problem, max_degree, max_rays)
     known: dict[AxisProblem, AxisAssessment] = {}
     axes = {}
-    with Processes(any(_long(axis) for axis in problem.axes.values())) as processes:
+    ticks_s = {name: longest_tick_s(problem, name) for name in problem.axes}
+    with Processes(any(_long(axis) or ticks_s[name] for name, axis in problem.axes.items())) as processes:
+        efforts = {
+            name: _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None, ticks_s[name])
+            for name in problem.axes
+        }
+        begun: dict[AxisProblem, _Searches] = {}  # all of them at once, so that no core waits
+        for name, axis in problem.axes.items():
+            if axis not in begun:
+                begun[axis] = _begin(axis, efforts[name], processes)
         for index, (name, axis) in enumerate(problem.axes.items()):
             family = with_bandwidth(axis, Decimal(1))  # axes that differ in bandwidth alone share both bounds
             twin = next((known[other] for other in known if with_bandwidth(other, Decimal(1)) == family), None)
             if axis not in known:
                 share = partial(_scaled, show, index / len(problem.axes), 1 / len(problem.axes), name)
-                tick_s = longest_tick_s(problem, name)
-                effort = _Effort(max_degree, max_rays, all_methods, fastest, found.certificate is None, tick_s)
-                known[axis] = _assess_axis(axis, effort, twin, processes, share)
+                known[axis] = _assess_axis(axis, efforts[name], twin, begun[axis], share)
             axes[name] = known[axis]
     show(1.0, "done")
     return found._replace(axes=axes)
@@ -207,6 +214,20 @@ class _Effort(NamedTuple):
     tick_s: Fraction
 
 
+class _Searches(NamedTuple):
+    """What is searched elsewhere: to be asked for its result."""
+
+    fastest: Callable[[], Certified | None] | None
+    delay: Callable[[], Certified | None]
+
+
+def _begin(axis: AxisProblem, effort: _Effort, processes: Processes) -> _Searches:
+    most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
+    counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
+    fastest = processes.call(fastest_reference, axis, counts, effort.tick_s) if effort.fastest else None
+    return _Searches(fastest, processes.call(largest_delay, axis, counts, effort.tick_s))
+
+
 def _long(axis: AxisProblem) -> bool:
     """Whether its searches take longer than other processes take to start."""
     return len(axis.response.dynamics.corners()) > 1
@@ -216,14 +237,10 @@ def _assess_axis(
     axis: AxisProblem,
     effort: _Effort,
     twin: AxisAssessment | None,
-    processes: Processes,
+    searches: _Searches,
     show: Callable[[float, str], None],
 ) -> AxisAssessment:
     tuned = tuned_bandwidth(axis.response)
-    most = SEARCH_RAYS[effort.all_methods or not _long(axis)]
-    counts = [count for count in RAYS if count <= min(most, effort.max_rays)]
-    fastest = processes.call(fastest_reference, axis, counts, effort.tick_s) if effort.fastest else None
-    delay = processes.call(largest_delay, axis, counts, effort.tick_s)
     show(0.0, "needed bandwidth, quadratic")
     by_rays: dict[int, Certified | None] = {count: None for count in RAYS if count <= effort.max_rays}
     by_rays[0] = minimum_bandwidth_by_rays(axis, 0) if twin is None else twin.minimum_bandwidth_by_rays[0]
@@ -246,9 +263,9 @@ def _assess_axis(
     show(0.5, "needed bandwidth, by degree")
     by_degree = {} if axis.response.delay_s.upper else _by_degree(axis, effort, twin, floor)
     show(0.6, "delay budget")
-    longest = delay()
+    longest = searches.delay()
     show(0.8, "fastest reference model")
-    quickest = None if fastest is None else fastest()
+    quickest = None if searches.fastest is None else searches.fastest()
     show(0.95, "attack")
     found = attack(axis) if effort.attack else None
     return AxisAssessment(tuned, by_degree, by_rays, unstable, axis.response.delay_s.upper, longest, quickest, found)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from companion.certify.bandwidth import minimum_bandwidth_by_rays, tuned_bandwidth, with_bandwidth, with_delay
 from companion.certify.falsify import unstable_bandwidth
 from companion.certify.problem import AxisProblem
+from companion.processes import Processes
 
 
 class DelayCurves(NamedTuple):
@@ -48,24 +49,27 @@ def delay_curves(
     progress
         Called with the fraction done.
     """
-    needed: dict[int, list[float | None]] = {count: [] for count in counts}
-    unstable: list[float | None] = []
-    for index, delay in enumerate(delays_s):
-        delayed = with_delay(problem, delay)
-        below: float | None = None
-        for count in counts:
-            found = minimum_bandwidth_by_rays(delayed, count, below=below)
-            below = float(found.value) if found else below
-            needed[count].append(float(found.value) if found else None)
-        shown = unstable_bandwidth(
-            partial(with_bandwidth, delayed), below or 2 * float(tuned_bandwidth(problem.response))
-        )
-        unstable.append(float(shown[0]) if shown else None)
-        if progress is not None:
-            progress((index + 1) / len(delays_s))
-    return DelayCurves(
-        tuple(float(d) for d in delays_s), {count: tuple(values) for count, values in needed.items()}, tuple(unstable)
-    )
+    points = []
+    with Processes(elsewhere=len(delays_s) > 1) as processes:
+        begun = [processes.call(_at_delay, with_delay(problem, delay), tuple(counts)) for delay in delays_s]
+        for index, result in enumerate(begun):
+            points.append(result())
+            if progress is not None:
+                progress((index + 1) / len(delays_s))
+    needed = {count: tuple(values[place] for values, _ in points) for place, count in enumerate(counts)}
+    return DelayCurves(tuple(float(d) for d in delays_s), needed, tuple(unstable for _, unstable in points))
+
+
+def _at_delay(delayed: AxisProblem, counts: tuple[int, ...]) -> tuple[list[float | None], float | None]:
+    """Needed bandwidth by count, and what is found unstable, rad/s."""
+    needed: list[float | None] = []
+    below: float | None = None
+    for count in counts:
+        found = minimum_bandwidth_by_rays(delayed, count, below=below)
+        below = float(found.value) if found else below
+        needed.append(float(found.value) if found else None)
+    shown = unstable_bandwidth(partial(with_bandwidth, delayed), below or 2 * float(tuned_bandwidth(delayed.response)))
+    return needed, float(shown[0]) if shown else None
 
 
 def plot_delay(problem: AxisProblem, curves: DelayCurves, path: Path | str, name: str = "") -> None:

@@ -228,7 +228,10 @@ def _plot(stated: Problem, path: Path, console: Console) -> None:
     delays = [(longest * k / 6).quantize(Decimal("0.0001")) for k in range(7)]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("delay curves", total=1.0)
-        curves = delay_curves(axis, delays, progress=lambda done: progress.update(task, completed=done))
+        few = len(axis.response.dynamics.corners()) == 1
+        curves = delay_curves(
+            axis, delays, (0, 8, 16) if few else (0, 8), progress=lambda done: progress.update(task, completed=done)
+        )
     try:
         plot_delay(axis, curves, path, f"{name} ({ANGLES.get(name, name)})")
     except (OSError, ValueError) as error:
