@@ -19,11 +19,11 @@ from companion.certify.bandwidth import (
 )
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
-from companion.certify.held import grows
 from companion.certify.piecewise.sector_proof import DELAY, TICK
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import MAX_DEGREE, longest_tick_s
-from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sampling.held import grows
+from companion.certify.sampling.sampled import largest_adaptation_rate
 from companion.certify.statement import Json, problem_of
 from companion.processes import Processes
 

@@ -11,7 +11,7 @@ from companion.attitude_response.exact import Interval
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.proof import longest_tick_s
-from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sampling.sampled import largest_adaptation_rate
 from companion.certify.velocity_error import SAMPLED_SHARE, Adaptation, choose, two_figures
 from companion.config.estimator import VelocityError
 

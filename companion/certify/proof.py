@@ -24,13 +24,13 @@ from companion.certify.assumptions import assumptions
 from companion.certify.closed_loop import axis_channel, joint_channel
 from companion.certify.exact.elimination import positive_definite
 from companion.certify.exact.rational import list_of, rational, rationals
-from companion.certify.held import grows
 from companion.certify.piecewise.sector_proof import KEYS as SECTOR_KEYS
 from companion.certify.piecewise.sector_proof import check_sectors, sector_proof_of
 from companion.certify.piecewise.sectors import Channel, delayed, whole
 from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import Problem
-from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sampling.held import grows
+from companion.certify.sampling.sampled import largest_adaptation_rate
 from companion.certify.statement import covers, digest, problem_of
 
 SCHEMA = 2  # 1 took the loop as continuous in time

@@ -41,7 +41,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from companion.attitude_response.realisation import StateSpace
 from companion.attitude_response.response import corners
 from companion.certify.problem import AxisProblem, Sampling
-from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sampling.sampled import largest_adaptation_rate
 from companion.config.estimator import VelocityError
 from companion.control.mrac import solve_lyapunov
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from companion.certify.from_config import certificate_path
 from companion.commands.options import ConfigFile, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
-from companion.config.identifying import as_flown, in_a_line
+from companion.config.mission.identifying import as_flown, in_a_line
 from companion.flight.authority.states import ORDINARY, Reason
 from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from companion.config.controller import AxisSection, ControllerSection
 from companion.config.guards.fence import FenceSection
-from companion.config.identification import SMALLEST_DEG, USUAL_DEG, IdentificationSection
 from companion.config.mission import MissionSection
+from companion.config.mission.identification import SMALLEST_DEG, USUAL_DEG, IdentificationSection
 
 
 def check_reach(controller: ControllerSection, mission: MissionSection) -> None:

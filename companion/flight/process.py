@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from companion.config.identifying import as_flown
+from companion.config.mission.identifying import as_flown
 from companion.config.schema import Config
 from companion.control.types import Odometry
 from companion.flight.authority.states import Reason, State

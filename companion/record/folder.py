@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 from companion.config import Config, ConfigError
-from companion.config.identifying import as_flown
+from companion.config.mission.identifying import as_flown
 from companion.record.recorder import Recorder
 
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from companion.config.attitude import link_share_s
 from companion.config.base import Vector
 from companion.config.guards.rows import Reason
-from companion.config.identifying import LINK_DELAY_S
+from companion.config.mission.identifying import LINK_DELAY_S
 from companion.config.schema import Config
 from companion.control import attitude
 from companion.control.position import PositionOutput

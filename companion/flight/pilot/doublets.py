@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from companion.config.identification import IdentificationSection
+from companion.config.mission.identification import IdentificationSection
 
 # From where it began, and over ground: in the 2 s of a doublet both grow by what the trim is wrong. With 0.4 m and
 # 0.35 m/s three flights of ten with GPS left the envelope. The corrected velocity is off by 0.1 m/s.

@@ -10,7 +10,7 @@ import pytest
 from companion.certify import proof
 from companion.certify.certificate import certify
 from companion.certify.problem import AxisProblem, Problem, Sampling
-from companion.certify.sampled import error_dynamics, largest_adaptation_rate
+from companion.certify.sampling.sampled import error_dynamics, largest_adaptation_rate
 from companion.certify.statement import digest, problem_of, statement
 
 ENVELOPE_SQUARED = 0.4**2 + 0.5**2

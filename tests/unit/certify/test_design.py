@@ -18,7 +18,7 @@ from companion.certify.certificate import certify
 from companion.certify.design import SAMPLED_SHARE, Design, design, rates, slower
 from companion.certify.from_config import problem
 from companion.certify.problem import AxisProblem, Problem
-from companion.certify.sampled import largest_adaptation_rate
+from companion.certify.sampling.sampled import largest_adaptation_rate
 from companion.certify.statement import statement
 from companion.config import load_config
 

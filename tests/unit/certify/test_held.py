@@ -13,9 +13,9 @@ from companion.certify.assess import verdict_of
 from companion.certify.certificate import assemble, certify, prove
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import exponentials
-from companion.certify.held import grows
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.proof import verify
+from companion.certify.sampling.held import grows
 
 # Certified once: nothing counted the hold, and at 6 Hz a step of 1 cm ended in a limit cycle of 0.28 m.
 HELD = AxisProblem(

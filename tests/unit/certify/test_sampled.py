@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.certify.assumptions import assumptions
 from companion.certify.from_config import problem
-from companion.certify.sampled import error_dynamics, largest_adaptation_rate
+from companion.certify.sampling.sampled import error_dynamics, largest_adaptation_rate
 from companion.config.load import load_config
 from companion.control.projection import adapt
 

@@ -18,7 +18,7 @@ from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import exponentials, worst_switching
 from companion.certify.polynomial.lifting import monomials
 from companion.certify.problem import AxisProblem
-from companion.certify.sampled import error_dynamics, largest_adaptation_rate, tick_matrix
+from companion.certify.sampling.sampled import error_dynamics, largest_adaptation_rate, tick_matrix
 
 
 def lyapunov_of(proof):

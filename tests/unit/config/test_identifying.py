@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from companion.config import Config, load_config
-from companion.config.identifying import LINK_DELAY_S, as_flown, bearable_lag_s, in_a_line
+from companion.config.mission.identifying import LINK_DELAY_S, as_flown, bearable_lag_s, in_a_line
 from companion.flight.guards.measures import longest_delay_s
 
 CONFIG = Path(__file__).resolve().parents[3] / "config"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from companion.config import ConfigError, load_config
-from companion.config.identification import IdentificationSection
+from companion.config.mission.identification import IdentificationSection
 from companion.control import attitude, position
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.pilot.controller_params import initial_weights, position_params

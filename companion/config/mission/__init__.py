@@ -7,7 +7,7 @@ from itertools import pairwise
 from pydantic import model_validator
 
 from companion.config.base import NonNegative, Number, Positive, Section, Vector
-from companion.config.identification import IdentificationSection
+from companion.config.mission.identification import IdentificationSection
 
 
 class Waypoint(Section):

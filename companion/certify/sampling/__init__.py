@@ -1,0 +1,1 @@
+"""What sampling does to the loop beyond the proof: the rate of adaptation, and held loops that are flown."""
