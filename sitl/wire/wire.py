@@ -19,6 +19,7 @@ _ODOMETRY: Final = mavlink.MAVLINK_MSG_ID_ODOMETRY.to_bytes(3, "little")
 _SETPOINT_ID: Final = mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET
 _POSE: Final = struct.Struct("<Q7f")  # time_usec, x, y, z, q of ODOMETRY
 _MS: Final = struct.Struct("<I")
+_OVERTAKEN_US: Final = 100_000  # older by less than that: on its way others have passed it
 _QUATERNION_TOLERANCE: Final = 0.02
 
 
@@ -190,4 +191,5 @@ class Wire:
         unit = abs(qw * qw + qx * qx + qy * qy + qz * qz - 1.0) < _QUATERNION_TOLERANCE
         if stamp_us > self._newest_us and unit and math.isfinite(x + y + z):
             self.sample_ms = round(1e-3 * stamp_us) & 0xFFFFFFFF
-        self._newest_us = stamp_us
+        if not 0 < self._newest_us - stamp_us < _OVERTAKEN_US:  # one that was overtaken is dropped, and no new start
+            self._newest_us = stamp_us

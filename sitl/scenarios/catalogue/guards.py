@@ -8,7 +8,7 @@ from companion.flight.authority.states import Reason
 from sitl.autopilot.modes import FlightMode
 from sitl.scenarios.actors import Overrun
 from sitl.scenarios.catalogue.flight import HOVER, LONG_HOVER, RATE
-from sitl.scenarios.faults import Blow, LoseMotor, Sag
+from sitl.scenarios.faults import Blow, Drift, LoseMotor, Sag
 from sitl.scenarios.scenario import Scenario
 from sitl.world.environment import Wind
 
@@ -120,6 +120,16 @@ GUARDS: Final = (
         overrides=(*LONG_HOVER, "guards.hover_thrust.enabled=false"),
         stays_within_m=6.0,
         error_m=2.0,
+    ),
+    Scenario(
+        "not_settled",
+        "the position slides from the start and never settles",
+        Reason.NOT_SETTLED,
+        overrides=HOVER,
+        before=(Drift((1.0, 0.0, 0.0)),),
+        engaged=False,
+        pilot=False,
+        limit_s=70.0,
     ),
     Scenario(
         "flight_time",

@@ -236,7 +236,7 @@ def test_a_counted_reset_makes_no_attitude_step_and_the_slide_after_it_has_its_o
     full: bool, tmp_path: Path
 ) -> None:
     permissive = ("guards.estimator_jump_m.limit=3", "guards.position_variance_m2.enabled=false",
-                  "guards.estimator_flags.enabled=false")  # fmt: skip
+                  "guards.estimator_flags.enabled=false", "guards.estimate_settled_m.enabled=false")  # fmt: skip
     recording = frames(source("px4_sih_gps_loss.tlog", full=full), 22.4, 24.8)
     vehicle = Vehicle(recording, lockstep=True)
     summary = replay(vehicle, tmp_path, *permissive)
@@ -255,7 +255,8 @@ def test_a_counted_reset_makes_no_attitude_step_and_the_slide_after_it_has_its_o
 
 
 def test_the_same_reset_ends_control_where_the_guards_do_not_permit_flying_on(tmp_path: Path) -> None:
-    unaware = ("guards.position_variance_m2.enabled=false", "guards.estimator_flags.enabled=false")
+    unaware = ("guards.position_variance_m2.enabled=false", "guards.estimator_flags.enabled=false",
+               "guards.estimate_settled_m.enabled=false")  # fmt: skip
     recording = frames(source("px4_sih_gps_loss.tlog", full=False), 22.4, 24.8)
     vehicle = Vehicle(recording, lockstep=True)
     summary = replay(vehicle, tmp_path, *unaware)
