@@ -27,6 +27,7 @@ SOLVER: Final = cp.SCS
 _ACCURACY: Final = 1e-7  # asked of the solver, in at most so many iterations: it needs more near the boundary alone
 _ITERATIONS: Final = 50_000
 _TOLERANCE: Final = 1e-4  # of the bisection, relative
+_INTERRUPTED: Final = -5  # SCS_SIGINT
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def _solve(problem: cp.Problem) -> None:
     data, chain, inverse = problem.get_problem_data(SOLVER)
     options = {"eps_abs": _ACCURACY, "eps_rel": _ACCURACY, "max_iters": _ITERATIONS}
     raw = chain.solve_via_data(problem, data, solver_opts=options)
-    if raw["info"]["status"] == "interrupted":
+    if raw["info"]["status_val"] == _INTERRUPTED:
         raise KeyboardInterrupt
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # "inaccurate" is what it calls a solution near the boundary
