@@ -40,7 +40,13 @@ def complaint_about(text: str | bytes, folder: Path) -> str:
 
 
 def test_the_shipped_files_load() -> None:
-    names = ["antx_rig.yaml", "paper_quadrotor.yaml", "px4_quadrotor.yaml", "px4_quadrotor_1_18.yaml"]
+    names = [
+        "antx_rig.yaml",
+        "paper_quadrotor.yaml",
+        "px4_quadrotor.yaml",
+        "px4_quadrotor_1_18.yaml",
+        "px4_quadrotor_gps.yaml",
+    ]
     assert sorted(path.name for path in SHIPPED.glob("*.yaml")) == names
     rig, quadrotor = load_config(RIG), load_config(QUADROTOR)
     assert (rig.vehicle.kind, quadrotor.vehicle.kind) == ("rig", "quadrotor")

@@ -71,7 +71,14 @@ def test_only_the_lines_of_the_value_change(path: tuple[str, ...], value: str) -
 
 
 @pytest.mark.parametrize(
-    "name", ["antx_rig.yaml", "paper_quadrotor.yaml", "px4_quadrotor.yaml", "px4_quadrotor_1_18.yaml"]
+    "name",
+    [
+        "antx_rig.yaml",
+        "paper_quadrotor.yaml",
+        "px4_quadrotor.yaml",
+        "px4_quadrotor_1_18.yaml",
+        "px4_quadrotor_gps.yaml",
+    ],
 )
 def test_the_shipped_files_keep_all_but_what_is_changed(name: str) -> None:
     old = (Path(__file__).parents[3] / "config" / name).read_text(encoding="utf-8")
