@@ -25,9 +25,9 @@ from companion.certify.piecewise.sector_search import Active, believed
 from companion.certify.problem import AxisProblem
 
 TOLERANCE = 5e-4  # relative, of every bisection
-HELD_TOLERANCE = 1e-3  # likewise, of those with the hold
 REACH = 32.0  # how many times the tuned value is searched before giving up
-_HOLD_SHARE = 0.015  # of a value, which the hold is first thought to cost
+_HELD_DELAY = (0.03, 2e-3)  # of the value: what the hold is first thought to cost, and to how much it is found
+_HELD_REFERENCE = (0.015, 1e-3)  # likewise
 DELAY_PLACES = Decimal("0.00001")  # s
 
 
@@ -155,7 +155,7 @@ def largest_delay(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction 
         delay = Decimal(value).quantize(DELAY_PLACES, ROUND_FLOOR)
         return delay, with_delay(problem, delay)
 
-    return _largest(at, counts, 0.0, (0.0, 0.99 * period), tick_s)
+    return _largest(at, counts, 0.0, (0.0, 0.99 * period), tick_s, _HELD_DELAY)
 
 
 def fastest_reference(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction = ZERO) -> Certified | None:
@@ -171,7 +171,7 @@ def fastest_reference(problem: AxisProblem, counts: Sequence[int], tick_s: Fract
         frequency = Decimal(value).quantize(PLACES, ROUND_FLOOR)
         return frequency, with_natural_frequency(problem, frequency)
 
-    return _largest(at, counts, configured, (0.01 * configured, limit), tick_s)
+    return _largest(at, counts, configured, (0.01 * configured, limit), tick_s, _HELD_REFERENCE)
 
 
 def _found(value: Decimal, problem: AxisProblem, count: int, tick_s: Fraction, active: Active) -> Found | None:
@@ -228,6 +228,7 @@ def _largest(
     start: float,
     limits: tuple[float, float],
     tick_s: Fraction,
+    held: tuple[float, float],
 ) -> Certified | None:
     """The largest value within the limits that is proven by one of the counts; the search begins at `start`."""
     low, high = limits
@@ -239,12 +240,12 @@ def _largest(
         return _certified(found)
     # With the hold a little less is left: from there down in growing steps, then between the last two.
     attempt, top = _attempt(at, counts[-1], tick_s), float(found[-1].value)
-    share = _HOLD_SHARE
+    share, tolerance = held
     while top > low:
         bottom = max(top * (1 - share), low)
         lower = attempt(bottom)
         if lower is not None:
-            return _certified([lower, *_between(attempt, bottom, top, HELD_TOLERANCE)])
+            return _certified([lower, *_between(attempt, bottom, top, tolerance)])
         top, share = bottom, min(2 * share, 0.5)
     return None
 
