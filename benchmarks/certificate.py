@@ -22,7 +22,8 @@ from baseline import checkout
 from companion.attitude_response.exact import decimal, interval
 from companion.attitude_response.kinds import FirstOrder
 from companion.attitude_response.response import AttitudeResponse
-from companion.certify.bandwidth import TOLERANCE, minimum_bandwidth, with_bandwidth
+from companion.certify.bandwidth import minimum_bandwidth, with_bandwidth
+from companion.certify.bisection import TOLERANCE
 from companion.certify.certificate import Scaling, certify
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import unstable_bandwidth

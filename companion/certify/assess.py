@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from companion.attitude_response.response import MAX_PADE_ORDER
 from companion.certify.bandwidth import (
-    Certified,
     fastest_reference,
     largest_delay,
     minimum_bandwidth,
@@ -17,6 +16,7 @@ from companion.certify.bandwidth import (
     tuned_bandwidth,
     with_bandwidth,
 )
+from companion.certify.bisection import Certified
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
 from companion.certify.piecewise.sector_proof import DELAY, TICK

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from decimal import ROUND_FLOOR, Decimal
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,34 +17,16 @@ from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import PLACES, ceiling
 from companion.attitude_response.realisation import ZERO
 from companion.attitude_response.response import AttitudeResponse
-from companion.certify.certificate import AnyProof, Scaling, prove
+from companion.certify.bisection import REACH, Attempt, Certified, Found, between, boundary, certified, first, rise
+from companion.certify.certificate import Scaling, prove
 from companion.certify.closed_loop import axis_channel, axis_vertices
 from companion.certify.piecewise.hold import TooSlowError
 from companion.certify.piecewise.sector_search import Active, believed
 from companion.certify.problem import AxisProblem
 
-TOLERANCE = 5e-4  # relative, of every bisection
-REACH = 32.0  # how many times the tuned value is searched before giving up
 _HELD_DELAY = (0.03, 2e-3)  # of the value: what the hold is first thought to cost, and to how much it is found
 _HELD_REFERENCE = (0.015, 1e-3)  # likewise
 DELAY_PLACES = Decimal("0.00001")  # s
-
-
-class Certified(NamedTuple):
-    """A number and the exactly checked proof at that number."""
-
-    value: Decimal
-    proof: AnyProof
-
-
-class Found(NamedTuple):
-    """A number at which floating point sees a proof, and what makes it exact, or None."""
-
-    value: Decimal
-    prove: Callable[[], AnyProof | None]
-
-
-Attempt = Callable[[float], Found | None]
 
 
 def tuned_bandwidth(response: AttitudeResponse) -> Decimal:
@@ -127,7 +108,7 @@ def minimum_bandwidth(
         proof = prove(axis_vertices(with_bandwidth(problem, bandwidth)), degree, scaling)
         return None if proof is None else Found(bandwidth, lambda: proof)
 
-    return _certified(_boundary(attempt, start, above))
+    return certified(boundary(attempt, start, above))
 
 
 def minimum_bandwidth_by_rays(
@@ -141,7 +122,7 @@ def minimum_bandwidth_by_rays(
         bandwidth = ceiling(Decimal(value), PLACES)
         return _found(bandwidth, with_bandwidth(problem, bandwidth), count, ZERO, active)
 
-    return _certified(_boundary(attempt, start, above))
+    return certified(boundary(attempt, start, above))
 
 
 def largest_delay(problem: AxisProblem, counts: Sequence[int], tick_s: Fraction = ZERO) -> Certified | None:
@@ -179,47 +160,9 @@ def _found(value: Decimal, problem: AxisProblem, count: int, tick_s: Fraction, a
     try:
         channel = axis_channel(problem, tick_s)
         candidate = believed(channel, count, float(problem.natural_frequency_rad_s), active)
-    except (
-        np.linalg.LinAlgError,
-        TooSlowError,
-    ):  # numbers too far apart for floating point, or too slow a tick: no proof
+    except (np.linalg.LinAlgError, TooSlowError):  # numbers too far apart for floating point, or too slow a tick
         return None
     return None if candidate is None else Found(value, candidate.proven)
-
-
-def _certified(found: Sequence[Found]) -> Certified | None:
-    """The last of a search that is proven."""
-    for value, prove_it in reversed(found):
-        proof = prove_it()
-        if proof is not None:
-            return Certified(value, proof)
-    return None
-
-
-def _boundary(attempt: Attempt, start: float, above: float) -> list[Found]:
-    """Falling values that succeed, by doubling and bisection from `start`; values up to `above` are known to fail."""
-    first, high = attempt(start), start
-    while first is None:
-        above, high = high, 1.5 * high
-        if high > REACH * start:
-            return []
-        first = attempt(high)
-    good = [first]
-    low = max(above, 0.8 * high)
-    while low > above and (better := attempt(low)) is not None:
-        good.append(better)
-        high, low = low, max(above, 0.8 * low)
-        if high < start / 1000:
-            return good
-    while high - low > TOLERANCE * high:
-        middle = (low + high) / 2
-        better = attempt(middle)
-        if better is None:
-            low = middle
-        else:
-            good.append(better)
-            high = middle
-    return good
 
 
 def _largest(
@@ -235,9 +178,9 @@ def _largest(
     found: list[Found] = []
     for count in counts:
         attempt = _attempt(at, count, ZERO)
-        found += _rise(attempt, float(found[-1].value), high) if found else _first(attempt, start, low, high)
+        found += rise(attempt, float(found[-1].value), high) if found else first(attempt, start, low, high)
     if not found or not tick_s:
-        return _certified(found)
+        return certified(found)
     # With the hold a little less is left: from there down in growing steps, then between the last two.
     attempt, top = _attempt(at, counts[-1], tick_s), float(found[-1].value)
     share, tolerance = held
@@ -245,7 +188,7 @@ def _largest(
         bottom = max(top * (1 - share), low)
         lower = attempt(bottom)
         if lower is not None:
-            return _certified([lower, *_between(attempt, bottom, top, tolerance)])
+            return certified([lower, *between(attempt, bottom, top, tolerance)])
         top, share = bottom, min(2 * share, 0.5)
     return None
 
@@ -258,37 +201,3 @@ def _attempt(at: Callable[[float], tuple[Decimal, AxisProblem]], count: int, tic
         return _found(number, problem, count, tick_s, active)
 
     return attempt
-
-
-def _first(attempt: Attempt, start: float, low: float, high: float) -> list[Found]:
-    """Rising values that succeed, from `start` up or, where that does not, below it."""
-    value, top = start, high
-    while (first := attempt(value)) is None:
-        if value <= low:
-            return []
-        value, top = max(0.7 * value, low), value
-    return [first, *(_rise(attempt, value, high) if value == start else _between(attempt, value, top))]
-
-
-def _rise(attempt: Attempt, low: float, high: float) -> list[Found]:
-    """Rising values that succeed between `low`, which does, and `high`."""
-    good: list[Found] = []
-    step = max(0.1 * low, 0.01 * high)
-    while low + step < high and (better := attempt(low + step)) is not None:
-        good.append(better)
-        low, step = low + step, 2 * step
-    return good + _between(attempt, low, min(high, low + step))
-
-
-def _between(attempt: Attempt, low: float, high: float, tolerance: float = TOLERANCE) -> list[Found]:
-    """Rising values that succeed, by bisection: `low` does, `high` does not."""
-    good: list[Found] = []
-    while high - low > tolerance * high:
-        middle = (low + high) / 2
-        better = attempt(middle)
-        if better is None:
-            high = middle
-        else:
-            good.append(better)
-            low = middle
-    return good

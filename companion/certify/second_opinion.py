@@ -20,7 +20,8 @@ from scipy.linalg import matrix_balance
 
 from companion.attitude_response.exact import NO_DELAY
 from companion.attitude_response.kind import PLACES, ceiling
-from companion.certify.bandwidth import REACH, minimum_bandwidth_by_rays, tuned_bandwidth, with_bandwidth
+from companion.certify.bandwidth import minimum_bandwidth_by_rays, tuned_bandwidth, with_bandwidth
+from companion.certify.bisection import REACH
 from companion.certify.problem import AxisProblem
 
 SOLVER: Final = cp.SCS

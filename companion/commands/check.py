@@ -12,21 +12,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from companion.certify import proof
 from companion.certify.from_config import problem
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
+from companion.commands.check_report import ANGLES, table, verdict
 from companion.commands.options import ConfigFile, add_config, add_json, config_file
 from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
-    from companion.certify.assess import Assessment, AxisAssessment
+    from companion.certify.assess import Assessment
     from companion.certify.second_opinion import Opinions
 
 PICTURES = (".png", ".svg", ".pdf")
-ANGLES = {"x": "pitch", "y": "roll"}
 
 
 class Arguments(NamedTuple):
@@ -118,7 +117,7 @@ def run(arguments: Arguments) -> int:
         told = {"second_opinion": {name: opinion._asdict() for name, opinion in opinions.items()}} if opinions else {}
         print(json.dumps(to_json(assessment) | told))
     for name, axis in assessment.axes.items():
-        console.print(_table(name, axis, assessment, opinions.get(name)))
+        console.print(table(name, axis, assessment, _row(opinions[name]) if name in opinions else None))
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1
@@ -169,6 +168,11 @@ def _second_opinions(stated: Problem, console: Console) -> dict[str, Opinions]:
             if axis not in known:  # identical axes are asked about once
                 known[axis] = second_opinion(axis)
     return {name: known[axis] for name, axis in stated.axes.items()}
+
+
+def _row(opinions: Opinions) -> tuple[str, str]:
+    both = " / ".join("none" if b is None else f"{b:.3f}" for b in (opinions.ours_rad_s, opinions.theirs_rad_s))
+    return f"quadratic without delay, ours / {opinions.solver}", f"{both} rad/s"
 
 
 def _verify(path: Path, stated: Problem, *, as_json: bool) -> int:
@@ -236,85 +240,3 @@ def _plot(stated: Problem, path: Path, console: Console) -> None:
         plot_delay(axis, curves, path, f"{name} ({ANGLES.get(name, name)})")
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot write the picture: {error}") from None
-
-
-def _table(name: str, axis: AxisAssessment, assessment: Assessment, opinions: Opinions | None) -> Table:
-    from companion.certify.assess import slowest_ticks_hz  # noqa: PLC0415
-
-    table = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
-    table.add_column(style="bold")
-    table.add_column(justify="right")
-    tuned = float(axis.tuned_bandwidth_rad_s)
-    table.add_row("attitude bandwidth, as tuned", f"{tuned:.3f} rad/s")
-    best: float | None = None
-    by_degree = {f"degree {degree}": found for degree, found in axis.minimum_bandwidth.items() if degree > 2}
-    by_rays = {f"{n} sectors" if n else "a quadratic function": c for n, c in axis.minimum_bandwidth_by_rays.items()}
-    for method, certified in (by_rays | by_degree).items():
-        if certified is not None:
-            value = float(certified.value)
-            best = value if best is None else min(best, value)
-            enough = "[green]enough[/green]" if value <= tuned else "[red]more than tuned[/red]"
-            table.add_row(f"needed in continuous time, by {method}", f"{value:.3f} rad/s  {enough}")
-    if opinions is not None:
-        both = " / ".join("none" if b is None else f"{b:.3f}" for b in (opinions.ours_rad_s, opinions.theirs_rad_s))
-        table.add_row(f"quadratic without delay, ours / {opinions.solver}", f"{both} rad/s")
-    if axis.unstable_below is not None:
-        found = "proven unstable below" if not axis.delay_s else "unstable below, by an approximant of the delay"
-        table.add_row(found, f"{float(axis.unstable_below[0]):.3f} rad/s")
-    if best is not None:
-        table.add_row("margin", f"{100.0 * (tuned / best - 1.0):+.1f} %")
-    limit = "none" if axis.maximum_delay is None else f"{1e3 * float(axis.maximum_delay.value):.1f} ms"
-    table.add_row("delay, as configured / certified up to", f"{1e3 * float(axis.delay_s):.1f} ms / {limit}")
-    ticks = slowest_ticks_hz(assessment)
-    if assessment.certificate is not None:
-        told = f"{ticks[name]:g} Hz or faster" if ticks and name in ticks else "not proven"
-        table.add_row("tick, certified at", told)
-    if name in assessment.adaptation_rates:
-        rate, largest = assessment.adaptation_rates[name]
-        enough = "[green]below[/green]" if rate < largest else "[red]above[/red]"
-        table.add_row("adaptation rate / stable up to", f"{rate:g} / {_rate(largest)}  {enough}")
-    fastest = axis.fastest_reference
-    table.add_row(
-        "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
-    )
-    return table
-
-
-def _rate(limit: float) -> str:
-    return f"{limit:.0f}" if limit >= 10.0 else f"{limit:.2g}"
-
-
-def verdict(assessment: Assessment) -> str:
-    """One sentence."""
-    from companion.certify.assess import delay_intervals  # noqa: PLC0415
-
-    if assessment.certified:
-        delayed = any(upper > 0.0 for _, upper in (delay_intervals(assessment) or {}).values())
-        by = f"on {assessment.rays} sectors" if assessment.rays else f"of degree {assessment.degree}"
-        return (
-            f"[bold green]Certified[/bold green] by a Lyapunov function {by}, "
-            "verified exactly: no adaptation inside the bounds can destabilise this attitude loop"
-            + (", whatever its constant delay within the interval." if delayed else ".")
-        )
-    for name, (rate, limit) in assessment.adaptation_rates.items():
-        if rate >= limit:
-            return (
-                f"[bold red]Not certified[/bold red]: axis {name}'s adaptation rate {rate:g} is not below "
-                f"{_rate(limit)}, where sampling makes it unstable; lower it, tick faster or fly a smaller envelope."
-            )
-    for name, rate_hz in assessment.growing.items():
-        return (
-            f"[bold red]Not certified[/bold red]: axis {name} grows when its command is held over a tick at "
-            f"{rate_hz:g} Hz; raise tick.floor_hz."
-        )
-    for name, axis in assessment.axes.items():
-        if axis.attack is not None:
-            growth = axis.attack.spectral_radius
-            return (
-                f"[bold red]Not certified[/bold red], and it cannot be: axis {name} has an adaptation inside its "
-                f"bounds, a switching of {sum(axis.attack.durations_s):.2f} s, that grows {growth:.3g}-fold a period."
-            )
-    return (
-        "[bold red]Not certified[/bold red] by anything tried: tune the attitude loop faster, cut the delay, or slow "
-        "the reference model down."
-    )

@@ -19,9 +19,7 @@ PERIOD_S: Final = 0.1
 _HEARTBEAT_S: Final = 1.0
 _CALL_S: Final = 0.2  # between heartbeats until the vehicle has answered
 _FLUSH_S: Final = 0.25  # of the log: what a kill -9 loses
-_CLOCK_OFF: Final = (
-    0.03  # share by which the vehicle's clock may run otherwise than ours; a simulated PX4's is 2 % slow
-)
+_CLOCK_OFF: Final = 0.03  # share by which the vehicle's clock may differ from ours; a simulated PX4's is 2 % slow
 _CLOCK_OFF_S: Final = 3.0  # for so long, before somebody is told
 
 
