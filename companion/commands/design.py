@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
+from companion.attitude_response.kinds import SECOND_ORDER_DELAY
 from companion.certify.bandwidth import largest_delay
 from companion.certify.certificate import RAYS, certify, certify_for_a_link, without_delay
-from companion.certify.design import Design, design
+from companion.certify.designing.design import Design, design
+from companion.certify.designing.px4_reference_model import Proposal, propose, settings_of
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
 from companion.certify.statement import Json
-from companion.certify.velocity_error import Adaptation
+from companion.commands.design_report import Designed, show, to_json
 from companion.commands.options import add_json, add_logs
 from companion.config import Config, ConfigError, load_config, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.config.estimator import VelocityError
 from companion.config.vehicles import ANGLES
-from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification, identify_log
-from companion.identify.series import OURS
 from companion.identify.write import note, response
 
 _REFERENCE_MODEL_RAD_S: Final = 50.0  # PX4's default
@@ -107,11 +106,31 @@ def run(arguments: Arguments) -> int:
         return 1
     _write(out, designed)
     _write(certificate_path(out), json.dumps(certificate, indent=1) + "\n")
+    proposal = _proposal(stated, identification, Decimal(str(arguments.margin)))
+    designed_as = Designed(
+        out, chosen, template, identification, error, proposal, arguments.margin, arguments.intervals,
+        arguments.link_delay,
+    )  # fmt: skip
     if arguments.json:
-        print(json.dumps(_to_json(chosen, template, identification, error, out)))
+        print(json.dumps(to_json(designed_as)))
     else:
-        _show(chosen, template, identification, error, arguments, console)
+        show(designed_as, console)
     return 0
+
+
+def _proposal(stated: Problem, identification: Identification, margin: Decimal) -> Proposal | None:
+    """PX4's settings to set before the next identification, where they would help."""
+    gains = {axis: f"MC_{angle.upper()}_P" for axis, angle in ANGLES.items() if axis in stated.axes}
+    now, responses = settings_of(identification.gains), {}
+    for axis in gains:
+        chosen = identification.axes[ANGLES[axis]].chosen
+        if chosen.model is SECOND_ORDER_DELAY:
+            wn, zeta, delay = chosen.values
+            responses[axis] = wn, zeta, delay
+    if now is None or responses.keys() != gains.keys() or not identification.gains.keys() >= set(gains.values()):
+        return None
+    p_1_s = {axis: identification.gains[gain] for axis, gain in gains.items()}
+    return propose(stated.axes, responses, p_1_s, now, margin)
 
 
 def _certificate(designed: Problem) -> Mapping[str, Json] | None:
@@ -229,115 +248,3 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot write: {error.strerror}") from None
-
-
-def _limits(chosen: Design) -> str:
-    if chosen.limited_by == "noise":
-        return f"noise: {min(chosen.fastest_rad_s.values())} rad/s would be certified, and fly worse"
-    return f"{chosen.limited_by} (axis {chosen.slowest}, {ANGLES[chosen.slowest]})"
-
-
-def _to_json(
-    chosen: Design, template: Config, identification: Identification, error: VelocityError | None, out: Path
-) -> dict[str, object]:
-    return {
-        "config": str(out),
-        "certificate": str(certificate_path(out)),
-        "certified": True,
-        "natural_frequency_rad_s": float(chosen.natural_frequency_rad_s),
-        "damping_ratio": template.controller.axes.x.damping_ratio,
-        "position_weight_bound": [float(end) for end in chosen.position_bound],
-        "velocity_weight_bound": [float(end) for end in chosen.velocity_bound],
-        "adaptation_rate": float(chosen.adaptation_rate),
-        "bias_adaptation_rate": float(chosen.bias_adaptation_rate),
-        "lyapunov_q": None if chosen.adaptation is None else [1.0, float(chosen.adaptation.q2)],
-        "velocity_error": None if error is None else error._asdict(),
-        "fastest_natural_frequency_rad_s": {name: float(value) for name, value in chosen.fastest_rad_s.items()},
-        "limited_by": chosen.limited_by,
-        "limited_by_sampling": chosen.sampled,
-        "cost_of_10_ms_rad_s": float(chosen.cost_of_10_ms_rad_s),
-        "responses": {name: axis.chosen.named() for name, axis in identification.axes.items()},
-    }
-
-
-def _in_words(fit: ModelFit) -> str:
-    words = [
-        f"{1e3 * value:.1f} ms"
-        if parameter.unit == "s"
-        else f"{value:.2f} rad/s"
-        if parameter.unit == "rad/s"
-        else f"{parameter.symbol} {value:.2f}"
-        for parameter, value in zip(fit.model.described, fit.values, strict=True)
-    ]
-    return f"{', '.join(words)} (fit {fit.fit:.4f})"
-
-
-def _estimator_rows(
-    adaptation: Adaptation | None, error: VelocityError | None, template: Config
-) -> Iterator[tuple[str, str]]:
-    """What was chosen for the estimator, and what that leaves."""
-    if error is None:
-        yield "estimator", "not known: give estimator.preset; Q is the template's"
-        return
-    source = "measured in the log" if template.estimator is None else "the template's estimator section"
-    yield "velocity error", f"{error.deviation_m_s:.2g} m/s for {error.time_s:.1f} s, {source}"
-    if adaptation is None:
-        yield "Q", "the template's: write lyapunov_q into its axes"
-        return
-    gusts_m, by_error_m = adaptation.displacement
-    yield "Q", f"[1, {adaptation.q2}], {adaptation.ratio_s:.2f} m for each m/s of velocity error"
-    yield "estimate corrected", "yes" if adaptation.correct else "no: nothing aids the position"
-    yield "moved by gusts / velocity error", f"{gusts_m:.3f} / {by_error_m:.3f} m RMS"
-
-
-def _show(
-    chosen: Design,
-    template: Config,
-    identification: Identification,
-    error: VelocityError | None,
-    arguments: Arguments,
-    console: Console,
-) -> None:
-    table = Table(title=f"{arguments.out}", show_header=False, title_justify="left")
-    table.add_column(style="bold")
-    table.add_column(justify="right")
-    for angle, axis in identification.axes.items():
-        table.add_row(f"{angle}, {axis.chosen.model.title}", _in_words(axis.chosen))
-    for name, value in chosen.fastest_rad_s.items():
-        table.add_row(f"fastest reference, axis {name} ({ANGLES[name]})", f"{value} rad/s")
-    table.add_row("chosen, both axes", f"{chosen.natural_frequency_rad_s} rad/s, damping ratio "
-                                       f"{template.controller.axes.x.damping_ratio:g}")  # fmt: skip
-    table.add_row("margin, bandwidth and delay", f"{100 * arguments.margin:g} %")
-    table.add_row("limited by", _limits(chosen))
-    table.add_row("10 ms more of delay would cost", f"{chosen.cost_of_10_ms_rad_s:.2f} rad/s")
-    table.add_row(
-        f"adaptation rate at {template.tick.floor_hz:g} Hz",
-        f"{chosen.adaptation_rate}, bias {chosen.bias_adaptation_rate}"
-        + (", limited by the tick" if chosen.sampled else ""),
-    )
-    for row in _estimator_rows(chosen.adaptation, error, template):
-        table.add_row(*row)
-    console.print(table)
-    console.print(
-        f"[bold green]Certified[/bold green]: {arguments.out}, {certificate_path(arguments.out)}", soft_wrap=True
-    )
-    lateness_s = max(axis.lateness_s for axis in identification.axes.values())
-    if lateness_s:
-        console.print(
-            f"[yellow]The log keeps a set-point every {1e3 * lateness_s:.0f} ms only: half of it was added to each "
-            "delay. With the tlog of the flight beside it the delay is known.[/yellow]"
-        )
-    if identification.clock != OURS and not arguments.link_delay:
-        console.print(
-            "[yellow]The delay of the link is not in a ULog: give it by --link-delay, or the tlog of the flight "
-            "beside it.[/yellow]"
-        )
-    for angle, axis in identification.axes.items() if not arguments.intervals else ():
-        for key, (low, high) in axis.chosen.intervals().items():
-            middle = axis.chosen.named()[key]
-            if high > (1.0 + arguments.margin) * middle or low < middle / (1.0 + arguments.margin):
-                console.print(
-                    f"[yellow]{angle}: the interval of {key}, {low:.3g} to {high:.3g}, is wider than the margin: "
-                    "fly more manoeuvres, or certify all of it with --intervals.[/yellow]"
-                )
-    console.print(f"next: companion sitl {arguments.out}")

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-import companion.certify.design as module
+import companion.certify.designing.design as module
 from companion.attitude_response.exact import interval
 from companion.attitude_response.kinds import FirstOrder, SecondOrder
 from companion.attitude_response.response import AttitudeResponse
 from companion.certify import proof
 from companion.certify.certificate import certify
-from companion.certify.design import SAMPLED_SHARE, Design, design, rates, slower
+from companion.certify.designing.design import SAMPLED_SHARE, Design, design, rates, slower
 from companion.certify.from_config import problem
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.sampling.sampled import largest_adaptation_rate

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from companion.certify.bandwidth import with_bandwidth
-from companion.certify.design import _for_estimator, slower
+from companion.certify.designing.design import _for_estimator, slower
+from companion.certify.designing.velocity_error import SAMPLED_SHARE, choose, displacement, ratio_s
 from companion.certify.from_config import problem
 from companion.certify.problem import Problem
 from companion.certify.sampling.sampled import largest_adaptation_rate
-from companion.certify.velocity_error import SAMPLED_SHARE, choose, displacement, ratio_s
 from companion.config import load_config
 from companion.config.estimator import PRESETS, VelocityError
 

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 
 from companion.attitude_response.exact import Interval
 from companion.certify.bandwidth import fastest_reference, tuned_bandwidth, with_bandwidth, with_natural_frequency
+from companion.certify.designing.velocity_error import SAMPLED_SHARE, Adaptation, choose, two_figures
 from companion.certify.problem import AxisProblem, Problem, Sampling, nominal_weights
 from companion.certify.proof import longest_tick_s
 from companion.certify.sampling.sampled import largest_adaptation_rate
-from companion.certify.velocity_error import SAMPLED_SHARE, Adaptation, choose, two_figures
 from companion.config.estimator import VelocityError
 
 PLACES: Final = Decimal("0.01")  # of the natural frequency chosen, rad/s

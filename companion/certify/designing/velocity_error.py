@@ -193,7 +193,8 @@ def two_figures(value: float) -> Decimal:
     """Two significant figures, downwards."""
     if value <= 0.0:
         return Decimal(0)
-    return Decimal(value).quantize(Decimal(1).scaleb(math.floor(math.log10(value)) - 1), ROUND_FLOOR)
+    rounded = Decimal(value).quantize(Decimal(1).scaleb(math.floor(math.log10(value)) - 1), ROUND_FLOOR)
+    return Decimal(f"{rounded:f}")  # 100, not 1.0E+2
 
 
 def _strength(axis: AxisProblem, sampled: Sampling) -> float:
