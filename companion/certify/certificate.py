@@ -19,8 +19,9 @@ from companion.certify.piecewise.sector_proof import SectorProof, sector_proof_j
 from companion.certify.piecewise.sector_search import prove_by_sectors
 from companion.certify.piecewise.sectors import Channel, delayed
 from companion.certify.polynomial.lyapunov import Candidate, Floats, coordinates, rescale, solve
+from companion.certify.polynomial.polynomial_proof import Proof, check
 from companion.certify.problem import Problem
-from companion.certify.proof import SCHEMA, Proof, channel_vertices, channels, check, verify
+from companion.certify.proof import SCHEMA, channel_vertices, channels, verify
 from companion.certify.statement import Json, digest, statement
 
 AnyProof = Proof | SectorProof

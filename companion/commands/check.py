@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from companion.certify import proof
 from companion.certify.from_config import problem
+from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
 from companion.commands.check_report import ANGLES, table, verdict
@@ -22,7 +23,7 @@ from companion.commands.options import ConfigFile, add_config, add_json, config_
 from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
-    from companion.certify.assess import Assessment
+    from companion.certify.assessment import Assessment
     from companion.certify.second_opinion import Opinions
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -91,12 +92,13 @@ def parse(namespace: argparse.Namespace) -> Arguments:
 def run(arguments: Arguments) -> int:
     """Run the pre-flight check. 0 certified, 1 not certified. Raises `ConfigError` for bad input."""
     stated = problem(arguments.config.load())
-    if not 2 <= arguments.degree <= proof.MAX_DEGREE or arguments.degree % 2:
-        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {proof.MAX_DEGREE}")
+    if not 2 <= arguments.degree <= MAX_DEGREE or arguments.degree % 2:
+        raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {MAX_DEGREE}")
     _refuse_what_does_not_go_together(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, stated, as_json=arguments.json)
-    from companion.certify.assess import to_json, verdict_of  # noqa: PLC0415
+    from companion.certify.assess import verdict_of  # noqa: PLC0415
+    from companion.certify.assessment import to_json  # noqa: PLC0415
 
     console = Console(stderr=arguments.json)
     assessment = verdict_of(stated, arguments.degree, arguments.sectors)

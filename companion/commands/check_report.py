@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 from rich.table import Table
 
 if TYPE_CHECKING:  # the solver takes most of a second to import
-    from companion.certify.assess import Assessment, AxisAssessment
+    from companion.certify.assessment import Assessment, AxisAssessment
 
 ANGLES: Final = {"x": "pitch", "y": "roll"}
 
 
 def table(name: str, axis: AxisAssessment, assessment: Assessment, opinion: tuple[str, str] | None) -> Table:
     """What is known of one axis. `opinion`: a row for the second one."""
-    from companion.certify.assess import slowest_ticks_hz  # noqa: PLC0415
+    from companion.certify.assessment import slowest_ticks_hz  # noqa: PLC0415
 
     rows = Table(title=f"axis {name} ({ANGLES.get(name, name)})", show_header=False, title_justify="left")
     rows.add_column(style="bold")
@@ -60,7 +60,7 @@ def _rate(limit: float) -> str:
 
 def verdict(assessment: Assessment) -> str:
     """One sentence."""
-    from companion.certify.assess import delay_intervals  # noqa: PLC0415
+    from companion.certify.assessment import delay_intervals  # noqa: PLC0415
 
     if assessment.certified:
         delayed = any(upper > 0.0 for _, upper in (delay_intervals(assessment) or {}).values())

@@ -23,7 +23,7 @@ from companion.certify.bandwidth import (
 from companion.certify.closed_loop import axis_channel, axis_vertices
 from companion.certify.falsify import simulate, unstable_bandwidth, worst_switching
 from companion.certify.piecewise.sector_proof import check_sectors
-from companion.certify.proof import check
+from companion.certify.polynomial.polynomial_proof import check
 
 
 def least_bandwidths(axis, degrees):

@@ -18,9 +18,11 @@ from hypothesis import HealthCheck, given, settings
 import companion.certify
 from companion.certify.certificate import Scaling, assemble, certify, prove, rounded
 from companion.certify.closed_loop import axis_vertices
+from companion.certify.exact.elimination import positive_definite
 from companion.certify.polynomial.lyapunov import Candidate, solve
+from companion.certify.polynomial.polynomial_proof import check
 from companion.certify.problem import Problem
-from companion.certify.proof import check, load, positive_definite, verify
+from companion.certify.proof import load, verify
 from companion.certify.statement import digest, problem_of, statement
 
 PROPERTY = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
