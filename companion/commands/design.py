@@ -96,7 +96,7 @@ def run(arguments: Arguments) -> int:
     if chosen is None:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
-    designed = edited(with_response, _changes(with_response, chosen, template))
+    designed = edited(with_response, _changes(with_response, chosen, template), drop_figures=True)
     adaptation = chosen.adaptation
     if adaptation is not None and adaptation.correct and template.controller.estimate_correction is None:
         designed = added(designed, "controller", "estimate_correction", "{}")
@@ -174,7 +174,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
     if identification.px4_version is not None:
         stated["px4_version"] = f'"{identification.px4_version}"'
     changes |= {("vehicle", key): value for key, value in stated.items() if ("vehicle", key) in known}
-    text = edited(text, changes, notes)
+    text = edited(text, changes, notes, drop_figures=True)
     for key, value in stated.items():
         if ("vehicle", key) not in known:
             text = added(text, "vehicle", key, value)

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_json, add_tool_link, config_file
+from companion.config.edit import flow
 from companion.flight.readiness.px4_settings import Setting, Verdict, judge, kinds, unstated, worst
 from companion.mavlink.client import Client
 from companion.mavlink.vehicle_report import VehicleReport, read_vehicle
@@ -65,12 +66,10 @@ def run(arguments: Arguments) -> int:
         console.print(_table(client, rows))
         console.print(_SUMMARY[verdict])
         if gains := unstated(config, firmware.version, parameters):
-            # As the vehicle rounds them to 32 bits, so seven digits are all there are.
-            told = ", ".join(f"{name}: {value:.7g}" for name, value in gains.items())
             version = "{}.{}".format(*firmware.version)
             console.print(
                 "What the attitude response is made of is not compared, `run` pins it as it reads it. Was it so at "
-                f'identification? Then say so:\n  vehicle: {{px4_version: "{version}", parameters: {{{told}}}}}',
+                f'identification? Then say so:\n  vehicle: {{px4_version: "{version}", parameters: {flow(gains)}}}',
                 highlight=False,
             )
     return 0 if verdict is Verdict.FINE else 1

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from companion.config import Config
+from companion.config.numbers import shortest
 from companion.flight.readiness.parameters import response_parameters, same, same_version
 
 Found = Mapping[str, float]
@@ -92,18 +93,18 @@ def judge_parameters(config: Config, version: Version, found: Found) -> list[Set
             rows.append(
                 Setting(
                     name,
-                    f"{value:g}",
+                    shortest(value),
                     Verdict.DIFFERS,
-                    f"it was {stated:g} when the response was identified: the certificate is stale; "
+                    f"it was {shortest(stated)} when the response was identified: the certificate is stale; "
                     f"set it back, or identify and check again",
                 )
             )
         elif name in _RULES:
             rows.append(Setting(name, *_RULES[name](config, value, found)))
         elif stated is None:
-            rows.append(Setting(name, f"{value:g}", Verdict.FINE, "not compared"))
+            rows.append(Setting(name, shortest(value), Verdict.FINE, "not compared"))
         else:
-            rows.append(Setting(name, f"{value:g}", Verdict.FINE, "as identified"))
+            rows.append(Setting(name, shortest(value), Verdict.FINE, "as identified"))
     return rows + [_rate(config, name, value) for name, value in found.items() if name.endswith("_RATE")]
 
 

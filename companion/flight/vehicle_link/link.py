@@ -17,7 +17,7 @@ from companion.flight.host.clock import Clock
 from companion.flight.vehicle_link import live_command, modes, requests
 from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.flight.vehicle_link.link_delay import TIMESYNC, LinkDelay
-from companion.flight.vehicle_link.messages import ROWS, Heartbeat, ModeReport
+from companion.flight.vehicle_link.messages import COMMAND_ACK, ROWS, Answer, Heartbeat, ModeReport, answer
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.flight.vehicle_link.requests import CURRENT_MODE, HEARTBEAT, Request
 from companion.mavlink import px4
@@ -79,6 +79,7 @@ class VehicleLink:
             CURRENT_MODE.message_id: self._on_current_mode,
             TIMESYNC.message_id: self._on_timesync,
             **{row.message_id: _of_payload(row.decode) for row in ROWS},
+            COMMAND_ACK.message_id: self._on_answer,
         }
         self.heard: list[Frame] = []
         self.foreign = 0
@@ -205,6 +206,10 @@ class VehicleLink:
         self.mode_reports += 1
         self.intended_mode = values[_INTENDED_MODE] or None
         return ModeReport(self.mode != before, self.intended_mode is not None)
+
+    def _on_answer(self, frame: Frame) -> Answer | None:
+        answered = answer(frame.payload)
+        return answered if answered.is_for(self._own) else None
 
     def _on_timesync(self, frame: Frame) -> None:
         self.delay.answered(frame, self._clock.elapsed_s())

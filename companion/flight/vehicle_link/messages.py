@@ -19,12 +19,14 @@ from companion.mavlink.codec import Layout
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
-AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
+AUTOPILOT_TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
+_VERSION: Final = Layout("AUTOPILOT_VERSION")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
 _LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
+_TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
 _VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
 _PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
 _PARAM_NAME: Final = slice(8, 24)
@@ -96,8 +98,13 @@ class Command(IntEnum):
 class Answer(NamedTuple):
     """COMMAND_ACK. PX4 accepts a mode first and decides afterwards, so the last answer counts."""
 
-    command: int  # see Command; others' commands are answered too
+    command: int  # see Command
     result: int  # see companion.flight.vehicle_link.modes.Result
+    target: tuple[int, int] = (0, 0)  # system and component that it is for; 0 any
+
+    def is_for(self, own: tuple[int, int]) -> bool:
+        """Whether it answers us. On a shared link everybody's answers are heard."""
+        return all(wanted in (0, ours) for wanted, ours in zip(self.target, own, strict=True))
 
 
 class Row(NamedTuple):
@@ -146,7 +153,7 @@ def firmware(payload: bytes) -> Firmware:
 def answer(payload: bytes) -> Answer:
     """A COMMAND_ACK."""
     values = COMMAND_ACK.unpack(payload)
-    return Answer(values[_COMMAND], values[_RESULT])
+    return Answer(values[_COMMAND], values[_RESULT], (values[_TARGET[0]], values[_TARGET[1]]))
 
 
 ROWS: Final = (
