@@ -172,13 +172,7 @@ class Housekeeping:
         flight = self._flight
         patience_s = flight.config.link.connect_timeout_s
         if wall_s - flight.clock.began_wall_s > patience_s:
-            system, component = flight.ids
-            doubt = flight.link.doubt()
-            flight.refuse(
-                Reason.NO_VEHICLE,
-                f"no heartbeat of vehicle {system}/{component} within {patience_s:g} s: "
-                "check the link and vehicle.system_id" + (f" ({doubt})" if doubt else ""),
-            )
+            flight.refuse(Reason.NO_VEHICLE, flight.link.no_vehicle(patience_s))
 
     def _check(self) -> None:
         flight = self._flight

@@ -22,6 +22,7 @@ from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_PO
 from companion.flight.vehicle_link.requests import CURRENT_MODE, HEARTBEAT, Request
 from companion.mavlink import px4
 from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout
+from companion.mavlink.heard import Heard, is_px4
 from companion.mavlink.link import Link, LinkError
 from companion.mavlink.signing import Signing, read_key
 from companion.record.recorder import RECEIVED, SENT, Recorder
@@ -33,7 +34,6 @@ _sample_time = ODOMETRY.only("time_usec").unpack_from
 
 _BASE_MODE = HEARTBEAT.index("base_mode")
 _HEARTBEAT_MODE = HEARTBEAT.index("custom_mode")
-_AUTOPILOT = HEARTBEAT.index("autopilot")
 _SYSTEM_STATUS = HEARTBEAT.index("system_status")
 _CURRENT_MODE = CURRENT_MODE.index("custom_mode")
 _INTENDED_MODE = CURRENT_MODE.index("intended_custom_mode")
@@ -82,6 +82,7 @@ class VehicleLink:
             COMMAND_ACK.message_id: self._on_answer,
         }
         self.heard: list[Frame] = []
+        self._strangers = Heard(self._vehicle, self._own, stream=link.stream)
         self.foreign = 0
         self._rival: str | None = None
         self.connected = False
@@ -103,6 +104,8 @@ class VehicleLink:
         One is decoded when it is asked for, so that the link's attributes are as of that record.
         """
         decoders = self._decoders
+        if not self.connected:
+            self._strangers.take(data)
         self.heard = heard = self._frames(data)
         for frame in heard:
             decode = decoders.get(frame[0])
@@ -177,18 +180,16 @@ class VehicleLink:
             f"{text}, {signing.unsigned} unsigned, {signing.bad_signature} bad_signature, {signing.replayed} replayed"
         )
 
-    def doubt(self) -> str:
-        """For a person who waits for a vehicle: what was heard instead of it; empty for nothing."""
+    def no_vehicle(self, patience_s: float) -> str:
+        """Why there is none after so long, as one line: what was heard instead of it."""
         signing = self._signing
         refused = 0 if signing is None else signing.unsigned + signing.bad_signature + signing.replayed
-        if refused:
-            return f"{refused} frames in its name were not signed by link.signing_key_file, or are old"
-        return f"{self.foreign} frames of others were heard" if self.foreign else ""
+        return self._strangers.complaint(patience_s, refused)
 
     def _on_heartbeat(self, frame: Frame) -> Heartbeat | None:
-        values = HEARTBEAT.unpack(frame.payload)
-        if values[_AUTOPILOT] != mavlink.MAV_AUTOPILOT_PX4:
+        if not is_px4(frame):
             return None
+        values = HEARTBEAT.unpack(frame.payload)
         self.mode_reports += 1
         if values[_HEARTBEAT_MODE] != self.mode:
             self.mode = values[_HEARTBEAT_MODE]
@@ -261,6 +262,8 @@ class VehicleLink:
 
     def _put(self, frame: bytes, time_us: int) -> None:
         self._sequence = self._sequence + 1 & 255
+        if not self.connected:
+            self._strangers.sent(frame)
         self._link.send(frame)
         self._record(SENT, time_us, frame)
 

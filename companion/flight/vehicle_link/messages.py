@@ -19,8 +19,7 @@ from companion.mavlink.codec import Layout
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
-AUTOPILOT_TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
-_VERSION: Final = Layout("AUTOPILOT_VERSION")
+AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
 _LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
