@@ -147,7 +147,9 @@ def flow(values: Mapping[str, float | Sequence[float]]) -> str:
     """A mapping of numbers and lists of numbers as YAML in flow style, each as `numbers.shortest` writes it."""
 
     def plain(value: float | Sequence[float]) -> str:
-        return f"[{', '.join(map(numbers.shortest, value))}]" if isinstance(value, Sequence) else numbers.shortest(value)
+        return (
+            f"[{', '.join(map(numbers.shortest, value))}]" if isinstance(value, Sequence) else numbers.shortest(value)
+        )
 
     return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"
 

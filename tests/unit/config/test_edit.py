@@ -89,7 +89,7 @@ def test_the_shipped_files_keep_all_but_what_is_changed(name: str) -> None:
     assert len([d for d in difflib.ndiff(old.splitlines(), new.splitlines()) if d[0] in "+-"]) == 2
 
 
-# --- what stays true beside a new value ------------------------------------------------------------------------------
+# --- what stays true beside a new value -----------------------------------------------------------------------------
 
 SPEAKING = """\
 # one, of 2.3: the section's
@@ -124,7 +124,7 @@ g: 5          # five, 5
     assert edited(SPEAKING, {("g",): "5.0"}, drop_figures=True).endswith("g: 5.0          # five, 5\n"), "the same"
 
 
-# --- digits ------------------------------------------------------------------------------------------------------------
+# --- digits ----------------------------------------------------------------------------------------------------------
 
 
 def test_ten_thousand_gains_come_back_as_the_32_bits_they_were() -> None:
