@@ -195,7 +195,8 @@ class LogFetch:
             return b""  # of another log, of an earlier request, or had already
         self._heard_s = now_s
         self._finished = self._finished or offset == self._last_asked
-        self._beyond[offset] = bytes(data[:count])
+        # A log that has grown since it was listed ends in a whole packet.
+        self._beyond[offset] = bytes(data[: min(count, self._entry.size_bytes - offset)])
         begin = self.offset
         parts = []
         while (part := self._beyond.pop(self.offset, None)) is not None:
