@@ -11,7 +11,7 @@ from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_json, add_tool_link, config_file
 from companion.config.edit import flow
-from companion.flight.readiness.px4_settings import Setting, Verdict, judge, kinds, unstated, worst
+from companion.flight.readiness.px4_settings import Setting, Verdict, judge, unstated, wanted, worst
 from companion.mavlink.client import Client
 from companion.mavlink.vehicle_report import VehicleReport, read_vehicle
 
@@ -53,8 +53,7 @@ def run(arguments: Arguments) -> int:
             client.connect()
             client.give_way()
         with console.status("asking"):
-            stated = dict.fromkeys(config.vehicle.parameters)
-            report = read_vehicle(client, lambda version: {**stated, **kinds(version)})
+            report = read_vehicle(client, lambda version: (*wanted(version), *config.vehicle.parameters))
     finally:
         client.close()
     firmware, parameters = report.firmware, report.parameters

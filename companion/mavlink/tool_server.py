@@ -38,6 +38,7 @@ COLD: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL,
         mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_PARAM_ERROR,
         mavlink.MAVLINK_MSG_ID_LOG_ENTRY,
         mavlink.MAVLINK_MSG_ID_LOG_DATA,
         mavlink.MAVLINK_MSG_ID_PING,

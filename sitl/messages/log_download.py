@@ -5,8 +5,8 @@ request fills the receiver's socket before its reader wakes up. Data is served o
 request is checked for its target, an empty card and an unknown log are answered with silence, a request for no bytes
 with one packet, and the order of the list is the directory's, not that of time. A log that is being written is listed
 with the size of the moment and served as far as it has come. Each request for the list has the card looked through
-anew, and none of it comes before that is done; what has been asked meanwhile begins it again. LOG_ERASE is not obeyed while armed: here the plant is
-kinder than PX4, which deletes.
+anew, and none of it comes before that is done; what has been asked meanwhile begins it again. LOG_ERASE is not obeyed
+while armed: here the plant is kinder than PX4, which deletes.
 """
 
 from __future__ import annotations

@@ -207,12 +207,17 @@ class Services:
                 mavlink.MAVLink_file_transfer_protocol_message(0, frame.system_id, frame.component_id, list(payload))
             )
 
-    def _param_read(self, _: Frame, message: Any) -> None:
+    def _param_read(self, frame: Frame, message: Any) -> None:
         if self.for_us(message):
             parameters = self._autopilot.parameters
             by_name = message.param_index < 0
             found = parameters.wire(message.param_id) if by_name else parameters.wire_at(message.param_index)
             self.send_parameter(found)
+            if found is None and self._autopilot.parameters.version is not Px4Version.V1_17:  # which is silent
+                error = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+                place = -1 if by_name else message.param_index
+                name = message.param_id.encode() if by_name else b""
+                self.send(mavlink.MAVLink_param_error_message(frame.system_id, frame.component_id, name, place, error))
 
     def _param_list(self, _: Frame, message: Any) -> None:
         if self.for_us(message):

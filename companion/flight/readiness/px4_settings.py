@@ -49,20 +49,19 @@ _LONGEST_LOSS_S: Final = 1.0
 _DANGEROUS_LOSS_S: Final = 2.0
 
 
-def kinds(version: Version) -> Mapping[str, type]:
-    """The parameters that matter and that PX4 of this version has, and their types."""
-    by_speed = version[:2] >= _OVERRIDE_BY_SPEED
-    return {
-        "MPC_THR_HOVER": float,
-        **dict.fromkeys(response_parameters(version), float),
-        "COM_OF_LOSS_T": float,
-        "COM_OBL_RC_ACT": int,
-        "COM_RC_IN_MODE": int,
-        "NAV_RCL_ACT": int,
-        "COM_RCL_EXCEPT": int,
-        **({"MAN_OVERRIDE_SPD": float} if by_speed else {"COM_RC_OVERRIDE": int}),
-        "NAV_DLL_ACT": int,
-    }
+def wanted(version: Version) -> tuple[str, ...]:
+    """The parameters that matter and that PX4 of this version has."""
+    return (
+        "MPC_THR_HOVER",
+        *response_parameters(version),
+        "COM_OF_LOSS_T",
+        "COM_OBL_RC_ACT",
+        "COM_RC_IN_MODE",
+        "NAV_RCL_ACT",
+        "COM_RCL_EXCEPT",
+        "MAN_OVERRIDE_SPD" if version[:2] >= _OVERRIDE_BY_SPEED else "COM_RC_OVERRIDE",
+        "NAV_DLL_ACT",
+    )
 
 
 def judge(
@@ -83,7 +82,7 @@ def judge(
 def judge_parameters(config: Config, version: Version, found: Found) -> list[Setting]:
     """A row for each parameter that matters, and for each that `vehicle.parameters` states."""
     rows = []
-    for name in dict.fromkeys((*kinds(version), *config.vehicle.parameters)):
+    for name in dict.fromkeys((*wanted(version), *config.vehicle.parameters)):
         value = found.get(name)
         stated = config.vehicle.parameters.get(name)
         if value is None:

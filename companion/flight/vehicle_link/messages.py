@@ -7,14 +7,16 @@ Source: https://mavlink.io/en/messages/common.html
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Layout
+from companion.mavlink.px4 import Parameter, parameter
+
+__all__ = ["Parameter", "parameter"]
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
@@ -27,18 +29,6 @@ _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
 _TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
 _VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
-_PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
-_PARAM_NAME: Final = slice(8, 24)
-_PARAM_TYPE: Final = 24
-_PARAM_FORMATS: Final[Mapping[int, str]] = {
-    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
-    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
-    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
-    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
-    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
-    mavlink.MAV_PARAM_TYPE_INT32: "<i",
-    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
-}
 
 
 class Heartbeat(NamedTuple):
@@ -72,13 +62,6 @@ class LandedState(NamedTuple):
     """EXTENDED_SYS_STATE, from a vehicle that knows."""
 
     landed: bool
-
-
-class Parameter(NamedTuple):
-    """PARAM_VALUE: one parameter as the vehicle stores it."""
-
-    name: str
-    value: int | float
 
 
 class Firmware(NamedTuple):
@@ -125,22 +108,6 @@ def landed_state(payload: bytes) -> LandedState | None:
     if state == mavlink.MAV_LANDED_STATE_UNDEFINED:
         return None
     return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND)
-
-
-def parameter(payload: bytes) -> Parameter | None:
-    """A PARAM_VALUE; None for one of a type that PX4 does not have.
-
-    An int32 travels bytewise in the float field (https://mavlink.io/en/services/parameter.html#parameter-encoding), so
-    the four bytes are read as they came: as a float an int32 that looks like a NaN would not survive. A tool beside a
-    flight may ask for all of a thousand, so this is cheap.
-    """
-    payload = payload.ljust(_PARAM_VALUE_BYTES, b"\0")
-    layout = _PARAM_FORMATS.get(payload[_PARAM_TYPE])
-    if layout is None:
-        return None
-    (value,) = struct.unpack(layout, payload[:4])
-    name, _, _ = payload[_PARAM_NAME].partition(b"\0")
-    return Parameter(name.decode("ascii", "replace"), value)
 
 
 def firmware(payload: bytes) -> Firmware:
