@@ -21,8 +21,8 @@ from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
 from companion.certify.statement import Json
 from companion.commands.design_report import Designed, show, to_json
-from companion.commands.options import add_json, add_logs
-from companion.config import Config, ConfigError, load_config, load_text
+from companion.commands.options import ConfigFile, add_anyway, add_json, add_logs, refuse_slips
+from companion.config import Config, ConfigError, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.config.estimator import VelocityError
 from companion.config.vehicles import ANGLES
@@ -43,6 +43,7 @@ class Arguments(NamedTuple):
     intervals: bool
     link_delay: float
     force: bool
+    anyway: bool
     json: bool
 
 
@@ -55,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--intervals", action="store_true", help="certify the whole of the identified intervals")
     parser.add_argument("--link-delay", type=float, default=0.0, metavar="S", help="both ways, where no log has it")
     parser.add_argument("--force", action="store_true", help="replace what --out names")
+    add_anyway(parser)
     add_json(parser)
 
 
@@ -68,6 +70,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.intervals,
         namespace.link_delay,
         namespace.force,
+        namespace.anyway,
         namespace.json,
     )
 
@@ -81,7 +84,7 @@ def run(arguments: Arguments) -> int:
         raise ConfigError(f"--margin {arguments.margin:g}: a fraction from 0 to below 1, as in 0.1 for 10 %")
     if not out.parent.is_dir():
         raise ConfigError(f"{out}: cannot write: no such folder")
-    template = load_config(arguments.template)
+    template = ConfigFile(arguments.template, (), arguments.anyway).load()
     if not 0.0 <= arguments.link_delay < 0.5:
         raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
     identification = identify_log(arguments.logs, template.vehicle.system_id)
@@ -100,7 +103,10 @@ def run(arguments: Arguments) -> int:
     adaptation = chosen.adaptation
     if adaptation is not None and adaptation.correct and template.controller.estimate_correction is None:
         designed = added(designed, "controller", "estimate_correction", "{}")
-    certificate = _certificate(problem(load_text(designed, out, out.parent)))
+    config = load_text(designed, out, out.parent)
+    if not arguments.anyway:
+        refuse_slips(config, out)
+    certificate = _certificate(problem(config))
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin.")
         return 1
