@@ -90,11 +90,8 @@ def _without_figures(text: str, changes: Mapping[KeyPath, str]) -> str:
         if _equal(text[place.start : place.end], value):
             continue
         first, last = (text.count("\n", 0, at) for at in (place.key_start, max(place.end - 1, place.start)))
-        heads = {first}  # the lines of the key, and of the sections that begin with it
-        for depth in range(len(path) - 1, 0, -1):
-            above = text.count("\n", 0, places[path[:depth]].key_start)
-            if above == min(heads) - 1:
-                heads.add(above)
+        section = text.count("\n", 0, places[path[:-1]].key_start) if path[:-1] in places else first
+        heads = {first, section} if section == first - 1 else {first}  # of the section where it begins with the key
         for head in heads:
             gone |= _speaking(lines, range(head - 1, -1, -1), 0)
         indent = len(lines[first]) - len(lines[first].lstrip())
