@@ -14,8 +14,8 @@ from companion.config import load_config
 from companion.flight.readiness.px4_settings import wanted
 from companion.mavlink.client import Client
 from companion.mavlink.codec import Frame
-from companion.mavlink.log_client import list_logs, newest
-from companion.mavlink.log_protocol import LOG_DATA, LogFetch
+from companion.mavlink.logs.client import list_logs, newest
+from companion.mavlink.logs.protocol import LOG_DATA, LogFetch
 from companion.mavlink.services import Attachment, Services
 from companion.mavlink.vehicle_report import read_parameters
 

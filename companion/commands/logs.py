@@ -13,10 +13,10 @@ from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_tool_link, config_file
 from companion.config import ConfigError
-from companion.mavlink import ulog
 from companion.mavlink.client import Client
-from companion.mavlink.log_client import Listing, fetch, finished, list_logs, newest
-from companion.mavlink.log_protocol import LogEntry
+from companion.mavlink.logs import ulog
+from companion.mavlink.logs.client import Listing, fetch, finished, list_logs, newest
+from companion.mavlink.logs.protocol import LogEntry
 
 
 class Arguments(NamedTuple):

@@ -19,7 +19,7 @@ from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
 from companion.flight.readiness.certificate import cover, unwatched
 from companion.mavlink.link import Link, LinkError, open_link
-from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
+from companion.mavlink.logs.protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.tool_client import tool_socket
 from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder

@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout, decode_cold
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE, Pace
+from companion.mavlink.logs.protocol import DATA_BYTES, ON_A_LINE, Pace
 
 # What is not hot: what a tool may want to know, and nothing that comes at the loop's rate.
 COLD: Final = frozenset(

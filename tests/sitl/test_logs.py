@@ -17,7 +17,7 @@ from companion.config import load_config
 from companion.mavlink.client import Client
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_client import fetch, list_logs
+from companion.mavlink.logs.client import fetch, list_logs
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.parameters import Parameters, Px4Version
 from sitl.messages.log_card import LogFile, synthetic_log

@@ -19,12 +19,12 @@ from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.mavlink import ulog
 from companion.mavlink.client import Client
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_client import fetch, list_logs, newest
-from companion.mavlink.log_protocol import LOG_DATA
+from companion.mavlink.logs import ulog
+from companion.mavlink.logs.client import fetch, list_logs, newest
+from companion.mavlink.logs.protocol import LOG_DATA
 from companion.mavlink.services import Attachment, Firmware, Services
 from companion.mavlink.vehicle_report import read_parameters
 from sitl.autopilot.autopilot import Autopilot

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.mavlink import ulog
 from companion.mavlink.codec import Encoder, Frame, FrameParser
-from companion.mavlink.log_client import newest
-from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList, Pace
+from companion.mavlink.logs import ulog
+from companion.mavlink.logs.client import newest
+from companion.mavlink.logs.protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList, Pace
 from sitl.messages.log_card import LogFile, synthetic_log
 from sitl.messages.log_download import LogDownload
 

@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 
 from companion.config import ConfigError
 from companion.mavlink.client import Client
-from companion.mavlink.ftp import Ftp, FtpRead
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import LOG_ENTRY, LogEntry, LogFetch, LogList
+from companion.mavlink.logs.ftp import Ftp, FtpRead
+from companion.mavlink.logs.protocol import LOG_ENTRY, LogEntry, LogFetch, LogList
 
 _GROWS_S: Final = 2.5  # PX4 makes what it has logged visible once a second (`log_writer_file.cpp`)
 
