@@ -25,6 +25,7 @@ from companion.commands.options import ConfigFile, add_anyway, add_json, add_log
 from companion.config import Config, ConfigError, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.config.estimator import VelocityError
+from companion.config.numbers import shortest
 from companion.config.vehicles import ANGLES
 from companion.identify.identification import Identification, identify_log
 from companion.identify.write import note, response
@@ -224,7 +225,7 @@ def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
             ("natural_frequency_rad_s", f"{chosen.natural_frequency_rad_s}"),
             ("position_weight_bound", _interval(chosen.position_bound)),
             ("velocity_weight_bound", _interval(chosen.velocity_bound)),
-            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {standard:g}}}"),
+            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {shortest(standard)}}}"),
         ):
             path = ("controller", "axes", axis, key)
             if path in known:
@@ -232,7 +233,8 @@ def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
         if chosen.adaptation is not None and ("controller", "axes", axis, "lyapunov_q") in known:
             changes["controller", "axes", axis, "lyapunov_q"] = f"[1, {chosen.adaptation.q2}]"
     if controller.bias is not None:
-        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {controller.bias.adaptation_rate.standard:g}}}"
+        standard = controller.bias.adaptation_rate.standard
+        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {shortest(standard)}}}"
         changes["controller", "bias", "adaptation_rate"] = rates
     return changes
 
