@@ -104,8 +104,6 @@ class VehicleLink:
         One is decoded when it is asked for, so that the link's attributes are as of that record.
         """
         decoders = self._decoders
-        if not self.connected:
-            self._strangers.take(data)
         self.heard = heard = self._frames(data)
         for frame in heard:
             decode = decoders.get(frame[0])
@@ -127,6 +125,8 @@ class VehicleLink:
     def _frames(self, data: bytes) -> list[Frame]:
         """The autopilot's frames in `data`, recorded."""
         kept = []
+        if not self.connected:
+            self._strangers.take(data)
         signing, time_us = self._signing, self._clock.stamp_us
         for frame in self._parser.feed(data):
             number, system, component, _, payload, raw = frame
