@@ -29,6 +29,8 @@ _MESSAGE_BYTES: Final = PAYLOAD.size - 3  # without network, system and componen
 _TARGET: Final = PAYLOAD.index("target_system"), PAYLOAD.index("target_component")
 _DATA: Final = PAYLOAD.place("payload")
 _WINDOW: Final = 16  # reads under way: 4 kB a round trip, which a socket and a line hold
+_READS_FROM: Final = 0x8000  # their numbers, far from what asks one by one: PX4 repeats its answer to the same number
+_REORDERED: Final = 2  # answers that may overtake one
 _SILENCE_S: Final = 0.5
 _OFFERED_S: Final = 1.5  # without an answer by then there is no file transfer on this link
 _PATIENCE_S: Final = 10.0  # of a card
@@ -207,8 +209,9 @@ class FtpRead:
     ) -> None:
         self._vehicle, self._own, self._session, self._size = vehicle, own, session, size_bytes
         self._next = start
-        self._sequence = 0x8000  # far from what asks one by one: PX4 repeats its last answer to the same number
-        self._asked: dict[int, float] = {}  # when, by offset
+        self._asked: dict[int, int] = {}  # by offset: which of all requests it was
+        self._requests = self._answered = 0  # how many there were; the last of them that was answered
+        self._spoke_s = -math.inf  # when something was asked or answered
         self._beyond: dict[int, bytes] = {}  # by offset: came before what belongs in front of it
         self._progress_s: float | None = None
         self.offset = start
@@ -226,19 +229,21 @@ class FtpRead:
         """The ReadFile to send now: what was lost again, and as many more as the window has room for."""
         if self._progress_s is None:
             self._progress_s = now_s
-        due = [offset for offset, asked_s in self._asked.items() if now_s - asked_s > _SILENCE_S]
+        # The vehicle answers in order: what was asked before the one answered last is lost. On a slow line nothing is
+        # late as long as anything comes.
+        silent = now_s - self._spoke_s > _SILENCE_S
+        due = [at for at, number in self._asked.items() if silent or number < self._answered - _REORDERED]
         while len(self._asked) + len(self._beyond) < _WINDOW and self._next < self._size:
             due.append(self._next)
-            self._asked[self._next] = now_s
+            self._asked[self._next] = 0
             self._next += DATA_BYTES
         messages = []
-        for offset in due:
-            self._asked[offset] = now_s
-            self._sequence = self._sequence + 1 & 0xFFFF
-            length = self._length(offset)
-            messages.append(
-                request(self._vehicle, self._sequence, Opcode.READ_FILE, self._session, offset, b"", length)
-            )
+        for at in due:
+            self._requests += 1
+            self._asked[at] = self._requests
+            self._spoke_s = now_s
+            number = _READS_FROM + self._requests & 0xFFFF
+            messages.append(request(self._vehicle, number, Opcode.READ_FILE, self._session, at, b"", self._length(at)))
         return messages
 
     def take(self, frame: Frame, now_s: float) -> bytes:
@@ -248,7 +253,8 @@ class FtpRead:
             return b""
         if found.offset not in self._asked or len(found.data) != self._length(found.offset):
             return b""
-        del self._asked[found.offset]
+        self._answered = max(self._answered, self._asked.pop(found.offset))
+        self._spoke_s = now_s
         self._beyond[found.offset] = found.data
         parts = []
         while (part := self._beyond.pop(self.offset, None)) is not None:
