@@ -28,6 +28,8 @@ DATA_BYTES: Final = 239
 _MESSAGE_BYTES: Final = PAYLOAD.size - 3  # without network, system and component
 _TARGET: Final = PAYLOAD.index("target_system"), PAYLOAD.index("target_component")
 _DATA: Final = PAYLOAD.place("payload")
+_MOST_ENTRIES: Final = 65_536  # of a folder: as many as the log protocol can number
+_LONGEST_FOLDER: Final = 50  # in characters, which are up to four bytes each
 _WINDOW: Final = 16  # reads under way: 4 kB a round trip, which a socket and a line hold
 _READS_FROM: Final = 0x8000  # their numbers, far from what asks one by one: PX4 repeats its answer to the same number
 _REORDERED: Final = 2  # answers that may overtake one
@@ -125,9 +127,10 @@ class Ftp:
             return None
         return [
             File(f"{folder}/{name}", size, written)
-            for folder, _, _ in (entry for entry in folders if entry[1] < 0)
+            for folder, folder_size, _ in folders
+            if folder_size < 0 and len(folder) <= _LONGEST_FOLDER
             for name, size, written in self._list(f"{LOG_FOLDER}/{folder}", _PATIENCE_S)
-            if size >= 0
+            if size >= 0 and len(f"{LOG_FOLDER}/{folder}/{name}".encode()) <= DATA_BYTES
         ]
 
     def open(self, path: str) -> int:
@@ -181,19 +184,19 @@ class Ftp:
                 if error.code == Error.END_OF_FILE:
                     return found
                 raise
-            entries = [entry.decode("utf-8", "replace") for entry in told.data.split(b"\0") if entry]
-            if not entries:
+            lines = [line.decode("utf-8", "replace") for line in told.data.split(b"\0") if line]
+            if not lines or offset > _MOST_ENTRIES:
                 return found
-            offset += len(entries)
-            found += [
-                _entry(entry[1:]) if entry[0] == "F" else (entry[1:], -1, 0) for entry in entries if entry[0] in "DF"
-            ]
+            offset += len(lines)
+            found += [entry(line[1:]) if line[0] == "F" else (line[1:], -1, 0) for line in lines if line[0] in "DF"]
 
 
-def _entry(text: str) -> tuple[str, int, int]:
-    """A file: name, size and, where it is told, time."""
-    name, size, written = [*text.split("\t"), "0", "0"][:3]
-    return name, int(size) if size.isdigit() else 0, int(written) if written.isdigit() else 0
+def entry(text: str) -> tuple[str, int, int]:
+    """A file of a listing: name, size and, where it is told, time; 0 for what is no number of 32 bits."""
+    name, *numbers = text.split("\t")
+    told = [int(word) if word.isascii() and word.isdigit() and len(word) <= 10 else 0 for word in (*numbers, "", "")]
+    size, written = (number if number <= 0xFFFFFFFF else 0 for number in told[:2])
+    return name, size, written
 
 
 class FtpRead:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Frame, FrameParser
-from companion.mavlink.logs.ftp import PAYLOAD, FtpRead, Opcode, answer, request
+from companion.mavlink.logs.ftp import PAYLOAD, FtpRead, Opcode, answer, entry, request
 from sitl.messages.file_transfer import FileTransfer
 from sitl.messages.log_card import LogFile, synthetic_log
 
@@ -91,3 +91,17 @@ def test_an_answer_to_somebody_else_is_none_of_ours() -> None:
         (frame,) = FrameParser().feed(bytes(message.pack(mavlink.MAVLink(None, *VEHICLE))))
         assert frame.message_id == PAYLOAD.message_id
         assert (answer(frame, OURS) is not None) is ours
+
+
+@given(st.text(max_size=60))
+def test_whatever_a_listing_says_is_a_name_and_numbers_of_32_bits(text: str) -> None:
+    name, size, written = entry(text)
+    assert text.startswith(name)
+    assert 0 <= size < 2**32
+    assert 0 <= written < 2**32
+
+
+def test_a_listing_with_and_without_time() -> None:
+    assert entry("a.ulg\t1234\t1700000000") == ("a.ulg", 1234, 1_700_000_000)
+    assert entry("a.ulg\t1234") == ("a.ulg", 1234, 0)
+    assert entry("a.ulg\t99999999999\t\u00b2") == ("a.ulg", 0, 0)
