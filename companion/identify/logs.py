@@ -20,6 +20,7 @@ from companion.identify.series import (
     ordered,
     spans,
 )
+from companion.mavlink.ulog import MAGIC
 from companion.record.reader import read_flight
 
 _KINDS: Final = "a ULog (.ulg), a tlog or a flight folder"
@@ -56,7 +57,7 @@ def read_log(path: Path, system_id: int | None = None) -> Recording:
 def _read_file(path: Path, head: bytes, system_id: int | None) -> Recording:
     if not head:
         raise LogError(f"{path}: empty: {_KINDS} is wanted")
-    if head.startswith(ulog.MAGIC):
+    if head.startswith(MAGIC):
         return ulog.read(path)
     if traffic.looks_like(head):
         return traffic.read(path, system_id)
@@ -64,12 +65,12 @@ def _read_file(path: Path, head: bytes, system_id: int | None) -> Recording:
 
 
 def _read_folder(folder: Path, system_id: int | None) -> Recording:
-    """The folder's traffic, which has both ends of the link; without it, its flight record."""
-    tlog = folder / "traffic.tlog"
-    if tlog.exists():
+    """The folder's traffic, which has both ends of the link; without it or with nothing in it, its flight record."""
+    tlog, record = folder / "traffic.tlog", folder / "flight.mcap"
+    if tlog.exists() and (tlog.stat().st_size or not record.exists()):
         recording = _read_file(tlog, tlog.read_bytes()[:16], system_id)
         return _checked(recording, system_id)
-    if (folder / "flight.mcap").exists():
+    if record.exists():
         return _checked(_read_record(folder, system_id), system_id)
     raise LogError(f"{folder}: not a flight folder: neither traffic.tlog nor flight.mcap in it")
 

@@ -166,7 +166,8 @@ def ordered(
     LogError
         For a clock that was set back.
     """
-    kept = samples.in_order(time_s)
+    kept = np.flatnonzero(time_s < samples.NEWEST_S)
+    kept = kept[samples.in_order(time_s[kept])]
     back = samples.set_back(time_s, kept, tolerance_s)
     if back is not None:
         raise LogError(

@@ -32,8 +32,8 @@ from companion.identify.series import (
     covered,
     intersect,
 )
+from companion.mavlink.ulog import HEADER_BYTES
 
-MAGIC: Final = ulog_file.MAGIC
 _SETPOINT, _ATTITUDE, _LOCAL = "vehicle_attitude_setpoint", "vehicle_attitude", "vehicle_local_position"
 _ALLOCATOR, _MOTORS = "control_allocator_status", "actuator_motors"
 TOPICS: Final = (_SETPOINT, _ATTITUDE, _LOCAL, _ALLOCATOR, _MOTORS, *vehicle_state.TOPICS)
@@ -84,7 +84,7 @@ def read(path: Path) -> Recording:
 
 def _whole(path: Path, file: UlogFile) -> list[str]:
     """A line for whatever of the file is not read. Raises `LogError` where nothing is left."""
-    if file.end <= ulog_file.HEADER_BYTES:
+    if file.end <= HEADER_BYTES:
         raise LogError(f"{path}: truncated: nothing whole is behind its header: download it again")
     notes = []
     if file.holes:

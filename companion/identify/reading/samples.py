@@ -12,6 +12,7 @@ Indices = npt.NDArray[np.intp]
 Floats = npt.NDArray[np.float64]
 
 LONGEST_RUN: Final = 8  # samples in a row whose time is wrong are no single bad ones: the clock was set back
+NEWEST_S: Final = float(1 << 55) * 1e-6  # a time above this is none
 _FAR_S: Final = 10.0  # a step of time by more, onto a few samples, is no step of the clock
 _FEW: Final = 0.01  # of all samples
 _UNIT: Final = 0.1  # by how much the norm of a quaternion may differ from one

@@ -16,12 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.identify.reading.ulog_definitions import Definitions, Parameter
+from companion.mavlink.ulog import HEADER_BYTES, KINDS, MAGIC
 
-MAGIC: Final = b"ULog\x01\x12\x35"
-HEADER_BYTES: Final = 16
 _MESSAGE: Final = struct.Struct("<HB")
 _DATA: Final = struct.Struct("<HBH")
-_KINDS: Final = frozenset(b"BFIMPQARDLCSO")
 _D, _B = b"DB"
 _LARGEST_TEXT: Final = 4096  # of one that is no data, where reading goes on after damage
 _CHAIN: Final = 4  # messages in a row that show that reading is in step again
@@ -132,7 +130,7 @@ class _Walk:
             elif kind == _D and after <= stop and self._in_step(after, stop):
                 if number in sizes:  # not of the size that its definition says; the next message is where it says
                     self.holes.append(Hole(at, after))
-            elif kind != _D and kind in _KINDS and size and after <= stop:
+            elif kind != _D and kind in KINDS and size and after <= stop:
                 self.known.take(kind, at, data[at + 3 : after])
             else:
                 again = self._resume(at + 1, stop) if len(self.holes) < _MOST_HOLES else None
@@ -151,7 +149,7 @@ class _Walk:
         if not any(self._data[at:stop]):
             self._distrust(before)
             return "zeros"
-        if stop - at < 3 or (self._data[at + 2] in _KINDS and at + 3 + self._size_at(at) > stop):
+        if stop - at < 3 or (self._data[at + 2] in KINDS and at + 3 + self._size_at(at) > stop):
             return "cut"
         self._distrust(before)
         return "damaged"
@@ -171,7 +169,7 @@ class _Walk:
         for topic, whole in self.known.sizes.items():
             known[topic] = whole
         kinds = np.zeros(256, bool)
-        kinds[list(_KINDS)] = True
+        kinds[list(KINDS)] = True
         width = 1024
         while at + 5 <= stop:
             end = min(at + width, stop - 4)
@@ -192,7 +190,7 @@ class _Walk:
             if at + 5 > stop:
                 return False
             size, kind, number = _DATA.unpack_from(self._data, at)
-            whole = size == self.known.sizes.get(number, size) if kind == _D else kind in _KINDS
+            whole = size == self.known.sizes.get(number, size) if kind == _D else kind in KINDS
             if not whole or not 0 < size <= _LARGEST_TEXT:
                 return False
             at += 3 + size

@@ -29,6 +29,7 @@ _STICKS: Final = (0, 1, 8, 15)  # Manual, which stabilises a multicopter, Altitu
 _OWN: Final = (2, 3, 4, 5, 6, 17, 19, 20, 21)  # Position, Mission, Hold, Return, Position Slow, Takeoff, Follow, ...
 _ROTARY_WING: Final = 1  # VehicleStatus.VEHICLE_TYPE_*
 _TYPES: Final = {0: "a vehicle of unknown type", 2: "a fixed wing", 3: "a rover", 4: "an airship"}
+_FIRST_S: Final = 0.5  # by how much PX4's logger takes up a topic late that was published for the first time
 _RESET_RAD: Final = np.radians(0.5)  # a reset of the attitude that turns it about the vertical alone is none
 _TOPIC, _CONTROL, _ASKED = "vehicle_status", "vehicle_control_mode", "offboard_control_mode"
 _LANDED, _ATTITUDE = "vehicle_land_detected", "vehicle_attitude"
@@ -121,7 +122,7 @@ def _control(log: UlogTopics) -> _Source | None:
         return None
     attitude, *higher = (log.column(_CONTROL, field).astype(bool) for field in _ENABLED)
     by_position = np.logical_or.reduce(higher)
-    return _Source(log.times(_CONTROL), attitude & ~by_position, by_position)
+    return _Source(_since(log.times(_CONTROL)), attitude & ~by_position, by_position)
 
 
 def _asked(log: UlogTopics) -> _Source | None:
@@ -133,7 +134,11 @@ def _asked(log: UlogTopics) -> _Source | None:
     else:
         return None
     by_position = np.logical_or.reduce(higher)
-    return _Source(log.times(_ASKED), attitude & ~by_position, by_position)
+    return _Source(_since(log.times(_ASKED)), attitude & ~by_position, by_position)
+
+
+def _since(time_s: Floats) -> Floats:
+    return np.concatenate([time_s[:1] - _FIRST_S, time_s[1:]])
 
 
 def _total(spans_s: Floats) -> float:
