@@ -15,8 +15,8 @@ from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
 from companion.identify.logs import read_log
 from companion.identify.manoeuvres import FLY, Manoeuvre, cut, find, select
+from companion.identify.reading.tuning import in_force
 from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording
-from companion.identify.tuning import in_force
 
 LEAST_FIT: Final = 0.9
 GAIN: Final = (0.8, 1.25)
@@ -166,12 +166,6 @@ def _check_alike(recordings: Sequence[Recording]) -> None:
             raise LogError(
                 f"{other.path}: PX4 {other.px4_version}, in {first.path} it is {first.px4_version}: give logs of one"
             )
-        for name, value in first.gains.items():
-            if other.gains.get(name, value) != value:
-                raise LogError(
-                    f"{other.path}: {name} is {other.gains[name]:g}, in {first.path} it is {value:g}: give logs of one "
-                    "tuning"
-                )
 
 
 def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:

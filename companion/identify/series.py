@@ -58,11 +58,14 @@ class Estimate(NamedTuple):
         Shape (n,), rising.
     position_m, velocity_m_s
         Shape (n, 2), north and east.
+    resets_s
+        Shape (k,): times at which position or velocity was set anew, and jumped.
     """
 
     time_s: Floats
     position_m: Floats
     velocity_m_s: Floats
+    resets_s: Floats = np.empty(0)
 
 
 class ClockMap(NamedTuple):
@@ -108,9 +111,9 @@ class Recording(NamedTuple):
         None where the log does not have it.
     px4_version
         The vehicle's, as "1.17"; None where the log does not tell.
-    by_vehicle
-        Shape (k, 2): from when to when the vehicle's own position controller made the attitude set-points, in the air
-        (Position, Mission, Hold); s in the track's clock.
+    in_flight
+        Shape (k, 2): from when to when the vehicle was in the air and followed attitude set-points, whoever made them:
+        a companion, sticks, or its own position controller. None where `following` is all that the log tells.
     tuning
         Parameters of the attitude loop over time, in order.
     notes
@@ -130,7 +133,7 @@ class Recording(NamedTuple):
     gains: dict[str, float]
     estimate: Estimate | None = None
     px4_version: str | None = None
-    by_vehicle: Floats = np.empty((0, 2))
+    in_flight: Floats | None = None
     tuning: tuple[ParameterValue, ...] = ()
     notes: tuple[str, ...] = ()
 

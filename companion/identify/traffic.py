@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.identify import clock, tuning
-from companion.identify.reading import samples, steps, tlog_file
+from companion.identify import clock
+from companion.identify.reading import samples, steps, tlog_file, tlog_state, tuning
 from companion.identify.reading.tlog_file import Messages, TlogFile
 from companion.identify.series import (
     GAINS,
@@ -34,9 +34,7 @@ from companion.identify.series import (
     covered,
     intersect,
     ordered,
-    spans,
 )
-from companion.mavlink.px4 import Mode
 
 looks_like = tlog_file.looks_like
 
@@ -49,8 +47,6 @@ _ATTITUDE_IGNORED: Final = 0x80  # ATTITUDE_TARGET_TYPEMASK
 _THRUST_LIMITS: Final = (0.02, 0.98)
 _CLOCK_TOLERANCE_S: Final = 0.1  # datagrams overtake each other
 _FASTER: Final = 1.3
-_MULTICOPTERS: Final = (2, 3, 4, 13, 14, 15, 29, 35, 43)  # MAV_TYPE
-_VTOLS: Final = tuple(range(19, 26))
 
 
 class _Attitude(NamedTuple):
@@ -96,9 +92,10 @@ def read(path: Path, system_id: int | None = None) -> Recording:
         raise LogError(f"{path}: no set-points: not one SET_ATTITUDE_TARGET.q is a rotation")
     setpoint_q, thrust = np.ascontiguousarray(wanted.rows["q"]), wanted.rows["thrust"]
     limited = (thrust < _THRUST_LIMITS[0]) | (thrust > _THRUST_LIMITS[1])
-    following = _following(path, vehicle, {name: timed(each) for name, each in said.items()}, float(received_s[-1]))
+    heard = {name: timed(each) for name, each in said.items()}
+    following = tlog_state.followed(path, vehicle, heard, float(received_s[-1]))
     following = intersect(following, intersect(covered(sent_s), covered(received_s)))
-    changes = _tuning(vehicle, timed(said["PARAM_VALUE"]), timed(said["PARAM_SET"]))
+    changes = _tuning(vehicle, heard["PARAM_VALUE"], heard["PARAM_SET"])
     return Recording(
         path,
         "tlog",
@@ -210,7 +207,9 @@ def _estimate(odometry: npt.NDArray[Any]) -> Estimate | None:
     keep = samples.in_order(time_s)
     keep = keep[samples.rising(time_s[keep])]
     keep = keep[np.isfinite(state[keep]).all(axis=1)]
-    return Estimate(time_s[keep], state[keep, :2], state[keep, 2:]) if len(keep) else None
+    time_s = time_s[keep]
+    reset = np.flatnonzero(np.diff(local["reset_counter"][keep])) + 1
+    return Estimate(time_s, state[keep, :2], state[keep, 2:], time_s[reset]) if len(keep) else None
 
 
 def _tuning(vehicle: int, told: tuple[Floats, Messages], asked: tuple[Floats, Messages]) -> tuple[ParameterValue, ...]:
@@ -228,35 +227,3 @@ def _tuning(vehicle: int, told: tuple[Floats, Messages], asked: tuple[Floats, Me
         changes.append(ParameterValue(-np.inf if said_so and name not in seen else at_s, name, value))
         seen.add(name)
     return tuple(changes)
-
-
-def _following(path: Path, vehicle: int, said: dict[str, tuple[Floats, Messages]], end_s: float) -> Floats:
-    """When the vehicle said that it was a PX4 multicopter, armed and in OFFBOARD. Raises `LogError` for another."""
-    beat_s, beats = said["HEARTBEAT"]
-    if not len(beat_s):
-        raise LogError(f"{path}: no HEARTBEAT of vehicle {vehicle} in it: whether it flew cannot be told: record it")
-    autopilot = Counter(beats.rows["autopilot"].tolist()).most_common(1)[0][0]
-    if autopilot != mavlink.MAV_AUTOPILOT_PX4:
-        named = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
-        raise LogError(
-            f"{path}: not a PX4: HEARTBEAT.autopilot is {autopilot if named is None else named.name}: only PX4's modes "
-            "are known here"
-        )
-    armed = spans(beat_s, (beats.rows["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED).astype(bool), end_s)
-    mode_s, modes = said["CURRENT_MODE"] if len(said["CURRENT_MODE"][0]) else said["HEARTBEAT"]
-    following = intersect(armed, spans(mode_s, modes.rows["custom_mode"] == Mode.OFFBOARD, end_s))
-    kind = Counter(beats.rows["type"].tolist()).most_common(1)[0][0]
-    if not len(following) or kind in _MULTICOPTERS:
-        return following
-    name = mavlink.enums["MAV_TYPE"][kind].name if kind in mavlink.enums["MAV_TYPE"] else str(kind)
-    if kind not in _VTOLS:
-        raise LogError(f"{path}: HEARTBEAT.type is {name}: the response of a hovering multicopter is wanted")
-    state_s, states = said["EXTENDED_SYS_STATE"]
-    hovering = spans(state_s, states.rows["vtol_state"] == mavlink.MAV_VTOL_STATE_MC, end_s)
-    following = intersect(following, hovering)
-    if not len(following):
-        raise LogError(
-            f"{path}: HEARTBEAT.type is {name} and EXTENDED_SYS_STATE.vtol_state never says that it flew as a "
-            "multicopter: the response of a hovering multicopter is wanted"
-        )
-    return following

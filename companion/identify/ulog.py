@@ -15,8 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from companion.identify import tuning
-from companion.identify.reading import ulog_file, vehicle_state
+from companion.identify.reading import tuning, ulog_file, ulog_state
 from companion.identify.reading.ulog_file import UlogError, UlogFile
 from companion.identify.reading.ulog_topics import UlogTopics
 from companion.identify.series import (
@@ -36,7 +35,7 @@ from companion.mavlink.ulog import HEADER_BYTES
 
 _SETPOINT, _ATTITUDE, _LOCAL = "vehicle_attitude_setpoint", "vehicle_attitude", "vehicle_local_position"
 _ALLOCATOR, _MOTORS = "control_allocator_status", "actuator_motors"
-TOPICS: Final = (_SETPOINT, _ATTITUDE, _LOCAL, _ALLOCATOR, _MOTORS, *vehicle_state.TOPICS)
+TOPICS: Final = (_SETPOINT, _ATTITUDE, _LOCAL, _ALLOCATOR, _MOTORS, *ulog_state.TOPICS)
 _RELEASE: Final = "ver_sw_release"
 _AT_LIMIT: Final = 0.995
 
@@ -57,7 +56,7 @@ def read(path: Path) -> Recording:
         raise LogError(f"{path}: no attitude: not one {_ATTITUDE}.q is a rotation")
     log.ends(float(time_s[-1]))
     setpoint_s, setpoint_q, _ = log.rotations(_SETPOINT, "q_d")
-    followed = vehicle_state.followed(path, log, float(time_s[-1]))
+    followed = ulog_state.followed(path, log, float(time_s[-1]))
     pauses = intersect(covered(time_s), covered(setpoint_s)) if len(setpoint_s) else np.empty((0, 2))
     from_outside = intersect(followed.from_outside, pauses)
     changes = _tuning(file, time_s, places)
@@ -76,7 +75,7 @@ def read(path: Path) -> Recording:
         tuning.at(changes, float(from_outside[0, 0]) if len(from_outside) else np.inf),
         _estimate(log),
         _px4_version(file),
-        intersect(followed.by_vehicle, pauses),
+        intersect(followed.in_flight, pauses),
         changes,
         tuple(notes),
     )
@@ -116,10 +115,14 @@ def _estimate(log: UlogTopics) -> Estimate | None:
     for field in ("xy_valid", "v_xy_valid"):
         if log.has(_LOCAL, field):
             good &= log.column(_LOCAL, field).astype(bool)
-    return Estimate(log.times(_LOCAL)[good], state[good, :2], state[good, 2:])
+    time_s = log.times(_LOCAL)
+    counts = [log.column(_LOCAL, field) for field in _RESETS if log.has(_LOCAL, field)]
+    reset = np.flatnonzero(sum((np.diff(count) != 0 for count in counts), np.zeros(max(len(time_s) - 1, 0), bool))) + 1
+    return Estimate(time_s[good], state[good, :2], state[good, 2:], time_s[reset])
 
 
 _HORIZONTAL: Final = ("x", "y", "vx", "vy")
+_RESETS: Final = ("xy_reset_counter", "vxy_reset_counter")
 
 
 def _tuning(file: UlogFile, time_s: Floats, places: ulog_file.Array) -> tuple[ParameterValue, ...]:

@@ -108,6 +108,14 @@ class UlogEdit:
         self.messages.insert(places[int(share * (len(places) - 1))], (_PARAMETER, body))
         return self
 
+    def define(self, topic: str, fields: str, number: int) -> UlogEdit:
+        """Add a topic that the log does not have; its samples are for the caller to write."""
+        first = next(i for i, (kind, _) in enumerate(self.messages) if kind == _SUBSCRIBE)
+        self.messages.insert(first, (_FORMAT, bytearray(f"{topic}:{fields}".encode())))
+        self.messages.insert(first + 1, (_SUBSCRIBE, bytearray(struct.pack("<BH", 0, number) + topic.encode())))
+        self._numbers[topic], self._formats[topic] = number, fields.rstrip(";").split(";")
+        return self
+
     def appended(self, share: float) -> bytes:
         """The log with its last part as data that was appended after a power cut in the middle of a message."""
         data = self.pack()

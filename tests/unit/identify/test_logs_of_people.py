@@ -380,3 +380,39 @@ def test_the_reader_agrees_with_the_library_on_a_whole_log(cut: Cut) -> None:
             assert (column[:, int(index)] if index else column).tobytes() == values.tobytes(), (topic.name, field)
     assert {p.name: p.value for p in ours.parameters} == library.initial_parameters
     assert (ours.holes, ours.tail, ours.end) == ([], "", ours.size)
+
+
+# --- whose set-points, over time --------------------------------------------------------------------------------------
+
+
+def with_landed(log: UlogEdit, until: float) -> UlogEdit:
+    """The log with a land detector whose word is that the vehicle stood on the ground for a share of the time."""
+    log.define("vehicle_land_detected", "uint64_t timestamp;bool landed;", 900)
+    places = log.at(STATUS)
+    for n, place in reversed(list(enumerate(places))):
+        stamp = log.messages[place][1][2:10]
+        body = bytearray(struct.pack("<H", 900) + stamp + bytes([n < until * len(places)]))
+        log.messages.insert(place, (ord("D"), body))
+    return log
+
+
+def test_modes_tell_whose_set_points_they_are(cut: Cut, tmp_path: Path) -> None:
+    """A third in Stabilized, a third in Position, a third in OFFBOARD; a sixth of all on the ground."""
+    log = edit(cut)
+    count, flags = len(log.at(STATUS)), len(log.at(CONTROL))
+    third, of_flags = count // 3, flags // 3
+    log.set(STATUS, "nav_state", "B", 15, which=slice(0, third))
+    log.set(STATUS, "nav_state", "B", 2, which=slice(third, 2 * third))
+    for field in ("flag_control_position_enabled", "flag_control_velocity_enabled"):
+        log.set(CONTROL, field, "B", 1, which=slice(of_flags, 2 * of_flags))
+    path = tmp_path / "log.ulg"
+    path.write_bytes(with_landed(log, 1 / 6).pack())
+    recording = read_log(path)
+    start_s, end_s = recording.track.attitude_time_s[[0, -1]]
+    shares = (recording.following - start_s) / (end_s - start_s)
+    assert shares.tolist() == [pytest.approx([0, 1 / 3], abs=0.03), pytest.approx([2 / 3, 1], abs=0.03)]
+    assert recording.in_flight is not None
+    begun, ended = (recording.in_flight - start_s).ravel()[[0, -1]] / (end_s - start_s)
+    assert (begun, ended) == (pytest.approx(1 / 6 + 2.0 / 44.0, abs=0.03), pytest.approx(1.0 - 2.0 / 44.0, abs=0.03))
+    inside = sum(stop - start for start, stop in recording.in_flight) / (end_s - start_s)
+    assert inside == pytest.approx(ended - begun, abs=0.02), "Position flight is in the air too"

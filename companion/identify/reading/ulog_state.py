@@ -5,6 +5,7 @@ Source: PX4 `msg/` of v1.11 to v1.18 and `src/modules/commander/ModeUtil/control
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -22,17 +23,21 @@ TOPICS: Final = (
     "offboard_control_mode",
     "failsafe_flags",
     "vehicle_land_detected",
+    "autotune_attitude_control_status",
 )
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
 _OFFBOARD: Final = 14  # VehicleStatus.NAVIGATION_STATE_*
-_STICKS: Final = (0, 1, 8, 15)  # Manual, which stabilises a multicopter, Altitude, Altitude Cruise, Stabilized
+_MANUAL: Final = 0  # where PX4 stabilises a multicopter all the same
+_STICKS: Final = (1, 8, 15)  # Altitude, Altitude Cruise, Stabilized
 _OWN: Final = (2, 3, 4, 5, 6, 17, 19, 20, 21)  # Position, Mission, Hold, Return, Position Slow, Takeoff, Follow, ...
 _ROTARY_WING: Final = 1  # VehicleStatus.VEHICLE_TYPE_*
 _TYPES: Final = {0: "a vehicle of unknown type", 2: "a fixed wing", 3: "a rover", 4: "an airship"}
 _FIRST_S: Final = 0.5  # by how much PX4's logger takes up a topic late that was published for the first time
 _RESET_RAD: Final = np.radians(0.5)  # a reset of the attitude that turns it about the vertical alone is none
 _TOPIC, _CONTROL, _ASKED = "vehicle_status", "vehicle_control_mode", "offboard_control_mode"
-_LANDED, _ATTITUDE = "vehicle_land_detected", "vehicle_attitude"
+_LANDED, _ATTITUDE, _AUTOTUNE = "vehicle_land_detected", "vehicle_attitude", "autotune_attitude_control_status"
+_TOUCHING: Final = ("landed", "maybe_landed", "ground_contact")
+_NEAR_GROUND_S: Final = 2.0
 _ENABLED: Final = tuple(f"flag_control_{what}_enabled" for what in ("attitude", "position", "velocity", "acceleration"))
 _WANTED: Final = ("attitude", "position", "velocity", "acceleration")
 _IGNORED: Final = ("ignore_attitude", "ignore_position", "ignore_velocity", "ignore_acceleration_force")  # v1.11
@@ -43,14 +48,18 @@ class Followed(NamedTuple):
 
     Attributes
     ----------
+    streamed
+        They came over the link.
     from_outside
         They came over the link or from the sticks.
-    by_vehicle
-        The vehicle's own position controller made them, in the air.
+    in_flight
+        Off the ground, whoever made them, the vehicle's own position controller too; not while PX4 tunes itself, which
+        adds rates to what the attitude loop wants. Empty where the log does not tell what is on the ground.
     """
 
+    streamed: Floats
     from_outside: Floats
-    by_vehicle: Floats
+    in_flight: Floats
 
 
 class _Source(NamedTuple):
@@ -64,13 +73,14 @@ class _Source(NamedTuple):
 def followed(path: Path, log: UlogTopics, end_s: float) -> Followed:
     """When a hovering multicopter followed attitude set-points. Raises `LogError` where that cannot be told."""
     time_s, nav_state = log.times(_TOPIC), log.column(_TOPIC, "nav_state")
+    control, asked = _control(log), _asked(log)
+    manual = (_MANUAL,) if control is not None else ()  # that it stabilises is told by the flags alone
     armed = log.column(_TOPIC, "arming_state") == _ARMED
     offboard, sticks, own = (
-        spans(time_s, armed & np.isin(nav_state, states), end_s) for states in ((_OFFBOARD,), _STICKS, _OWN)
+        spans(time_s, armed & np.isin(nav_state, states), end_s) for states in ((_OFFBOARD,), (*_STICKS, *manual), _OWN)
     )
-    flown = armed & np.isin(nav_state, (_OFFBOARD, *_STICKS, *_OWN))
+    flown = armed & np.isin(nav_state, (_OFFBOARD, *_STICKS, *manual, *_OWN))
     healthy = intersect(_hovering(path, log, flown, end_s), _healthy(log, end_s))
-    control, asked = _control(log), _asked(log)
     if len(offboard) and control is None and asked is None:
         raise LogError(
             f"{path}: neither {_ASKED}.attitude and .position nor {_CONTROL}.flag_control_position_enabled in it: "
@@ -88,12 +98,25 @@ def followed(path: Path, log: UlogTopics, end_s: float) -> Followed:
     if control is not None:
         sticks = intersect(sticks, spans(control.time_s, control.by_attitude, end_s))
         own = intersect(own, spans(control.time_s, control.by_position, end_s))
-    from_outside = np.concatenate([by_attitude, sticks])
-    from_outside = intersect(from_outside[np.argsort(from_outside[:, 0])], healthy)
-    if log.has(_LANDED, "landed"):
-        landed = log.column(_LANDED, "landed").astype(bool)
-        own = intersect(own, outside(spans(log.times(_LANDED), landed, end_s)))
-    return Followed(from_outside, intersect(own, healthy))
+    outside_s, every = (_union(spans_s, healthy) for spans_s in ((by_attitude, sticks), (by_attitude, sticks, own)))
+    return Followed(intersect(by_attitude, healthy), outside_s, intersect(every, _off_ground(log, end_s)))
+
+
+def _off_ground(log: UlogTopics, end_s: float) -> Floats:
+    """When the vehicle was well off the ground and did not tune itself."""
+    if not log.has(_LANDED, "landed"):
+        return np.empty((0, 2))
+    time_s = log.times(_LANDED)
+    touching = np.zeros(len(time_s), bool)
+    for field in _TOUCHING:
+        if log.has(_LANDED, field):
+            touching |= log.column(_LANDED, field).astype(bool)
+    up = spans(time_s, ~touching, end_s)
+    off = np.stack([up[:, 0] + _NEAR_GROUND_S, up[:, 1] - _NEAR_GROUND_S], axis=1)
+    off = off[off[:, 1] > off[:, 0]]
+    if log.has(_AUTOTUNE, "state"):
+        off = intersect(off, outside(spans(log.times(_AUTOTUNE), log.column(_AUTOTUNE, "state") != 0, end_s)))
+    return off
 
 
 def _hovering(path: Path, log: UlogTopics, flown: Flags, end_s: float) -> Floats:
@@ -135,6 +158,15 @@ def _asked(log: UlogTopics) -> _Source | None:
         return None
     by_position = np.logical_or.reduce(higher)
     return _Source(_since(log.times(_ASKED)), attitude & ~by_position, by_position)
+
+
+def _union(of: Sequence[Floats], within: Floats) -> Floats:
+    """Spans that do not overlap, in order and joined where they meet, as far as they are within others."""
+    joined = np.concatenate(of)
+    joined = joined[np.argsort(joined[:, 0])]
+    apart = joined[1:, 0] > joined[:-1, 1]
+    starts, ends = joined[np.append(True, apart)[: len(joined)], 0], joined[np.append(apart, True)[: len(joined)], 1]
+    return intersect(np.stack([starts, ends], axis=1), within)
 
 
 def _since(time_s: Floats) -> Floats:
