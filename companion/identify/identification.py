@@ -15,6 +15,7 @@ from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
 from companion.identify.logs import read_log
 from companion.identify.manoeuvres import FLY, Manoeuvre, cut, find, select
+from companion.identify.reading.tuning import in_force
 from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording
 
 LEAST_FIT: Final = 0.9
@@ -57,6 +58,8 @@ class AxisIdentification(NamedTuple):
         None where no log tells the link's share.
     lateness_s
         How much longer the delay may be than the log shows, see `Recording.lateness_s`.
+    gains
+        Parameters of the attitude loop in force at the manoeuvres.
     """
 
     chosen: ModelFit
@@ -65,6 +68,7 @@ class AxisIdentification(NamedTuple):
     manoeuvres: list[Manoeuvre]
     delay: DelaySplit | None
     lateness_s: float
+    gains: dict[str, float] = {}  # noqa: RUF012 - never changed
 
 
 class Identification(NamedTuple):
@@ -79,11 +83,13 @@ class Identification(NamedTuple):
     refused
         Why another could not, one line each.
     gains
-        Parameters of the attitude loop as logged, for comparing with the vehicle's later.
+        Parameters of the attitude loop in force at the manoeuvres, for comparing with the vehicle's later.
     velocity_error
         Of the estimator, where the logs tell.
     px4_version
         The vehicle's, as "1.17", for the same; None where no log tells.
+    notes
+        What was dropped or passed over in reading, one line each.
     """
 
     paths: tuple[Path, ...]
@@ -94,6 +100,7 @@ class Identification(NamedTuple):
     gains: dict[str, float]
     velocity_error: VelocityError | None
     px4_version: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
@@ -123,22 +130,26 @@ def identify(recordings: Sequence[Recording]) -> Identification:
     fitted, views = _pair(recordings)
     found = [find(recording) for recording in fitted]
     where = ", ".join(str(recording.path) for recording in recordings)
+    notes = tuple(f"{recording.path}: {note}" for recording in recordings for note in recording.notes)
+    also = f" ({notes[0]})" if notes else ""  # a log that ends early has too few manoeuvres because it does
     axes: dict[str, AxisIdentification] = {}
     refused: dict[str, str] = {}
     for axis in AXES:
         try:
             axes[axis] = _identify(axis, [m for by_axis in found for m in by_axis[axis]], views, where)
         except LogError as error:
-            refused[axis] = str(error)
+            refused[axis] = f"{error}{also}"
     if not axes:
         reasons = list(refused.values())
-        none = f"{where}: too little excitation: {FLY.format('roll and in pitch')}"
+        none = f"{where}: too little excitation: {FLY.format('roll and in pitch')}{also}"
         raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
-    gains = {name: value for recording in recordings for name, value in recording.gains.items()}
+    gains = {name: value for axis in axes.values() for name, value in axis.gains.items()}
     paths = tuple(recording.path for recording in recordings)
     version = next((recording.px4_version for recording in recordings if recording.px4_version), None)
     estimator = velocity_error(recordings)
-    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator, version)
+    return Identification(
+        paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator, version, notes
+    )
 
 
 _Views = dict[Path, tuple[ClockMap, Recording | None]]
@@ -155,12 +166,6 @@ def _check_alike(recordings: Sequence[Recording]) -> None:
             raise LogError(
                 f"{other.path}: PX4 {other.px4_version}, in {first.path} it is {first.px4_version}: give logs of one"
             )
-        for name, value in first.gains.items():
-            if other.gains.get(name, value) != value:
-                raise LogError(
-                    f"{other.path}: {name} is {other.gains[name]:g}, in {first.path} it is {value:g}: give logs of one "
-                    "tuning"
-                )
 
 
 def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:
@@ -185,6 +190,7 @@ def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:
 
 def _identify(axis: str, manoeuvres: list[Manoeuvre], views: _Views, where: str) -> AxisIdentification:
     kept = select(axis, manoeuvres, where)
+    gains = in_force(axis, [(m.recording, m.start_s, m.end_s) for m in kept], views)
     if opposed(kept):
         raise LogError(
             f"{where}: wrong sign: {axis} goes against its set-point: check the frames of both (body forward-right-"
@@ -205,7 +211,7 @@ def _identify(axis: str, manoeuvres: list[Manoeuvre], views: _Views, where: str)
             f"saturated: {fly}, in calm air"
         )
     lateness = max(m.recording.lateness_s for m in kept)
-    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness)
+    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness, gains)
 
 
 def _split(chosen: ModelFit, manoeuvres: list[Manoeuvre], views: _Views) -> DelaySplit | None:
