@@ -20,7 +20,7 @@ from companion.identify.series import (
     ordered,
     spans,
 )
-from companion.mavlink.ulog import MAGIC
+from companion.mavlink.logs.ulog import MAGIC
 from companion.record.reader import read_flight
 
 _KINDS: Final = "a ULog (.ulg), a tlog or a flight folder"

@@ -31,7 +31,7 @@ from companion.identify.series import (
     covered,
     intersect,
 )
-from companion.mavlink.ulog import HEADER_BYTES
+from companion.mavlink.logs.ulog import HEADER_BYTES
 
 _SETPOINT, _ATTITUDE, _LOCAL = "vehicle_attitude_setpoint", "vehicle_attitude", "vehicle_local_position"
 _ALLOCATOR, _MOTORS = "control_allocator_status", "actuator_motors"

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.identify.reading.ulog_definitions import Definitions, Parameter
-from companion.mavlink.ulog import HEADER_BYTES, KINDS, MAGIC
+from companion.mavlink.logs.ulog import HEADER_BYTES, KINDS, MAGIC
 
 _MESSAGE: Final = struct.Struct("<HB")
 _DATA: Final = struct.Struct("<HBH")
