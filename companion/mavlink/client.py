@@ -5,7 +5,6 @@ Opened as `companion run` opens it; where that has it already, its socket for to
 
 from __future__ import annotations
 
-import contextlib
 import os
 import time
 from collections import Counter
@@ -18,7 +17,7 @@ from companion.config import Config
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.signing import Signing, read_key
-from companion.mavlink.tool_client import ToolLink, tool_sockets
+from companion.mavlink.tool_client import ToolLink, UntrustedSocketError, tool_sockets
 
 HEARTBEAT: Final = Layout("HEARTBEAT")
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one
@@ -36,10 +35,18 @@ def open_shared(url: str) -> Link:
     """
     if url.startswith(_TOOL_SOCKET):
         return ToolLink(Path(url.removeprefix(_TOOL_SOCKET)), _TIMEOUT_S)
-    for path in tool_sockets(url):
-        with contextlib.suppress(LinkError):  # none there, or left behind by a process that is no more
-            return ToolLink(path, _TIMEOUT_S)
-    return open_link(url, _TIMEOUT_S)
+    refused = ""
+    for path, mine in tool_sockets(url):
+        try:
+            return ToolLink(path, _TIMEOUT_S, mine=mine)
+        except UntrustedSocketError as error:
+            refused = f"; {error}"
+        except LinkError:
+            pass  # none there, or left behind by a process that is no more
+    try:
+        return open_link(url, _TIMEOUT_S)
+    except LinkError as error:
+        raise LinkError(f"{error}{refused}") from None
 
 
 class Client:
