@@ -15,8 +15,9 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config
 from companion.mavlink.codec import Frame, FrameParser, Layout
+from companion.mavlink.freshness import FreshSigning
 from companion.mavlink.link import Link, LinkError, open_link
-from companion.mavlink.signing import Signing, read_key
+from companion.mavlink.signing import read_key
 from companion.mavlink.tool_client import ToolLink, UntrustedSocketError, tool_sockets
 
 HEARTBEAT: Final = Layout("HEARTBEAT")
@@ -64,7 +65,9 @@ class Client:
         self.shared = isinstance(self._link, ToolLink)
         key_file = config.link.signing_key_file
         # With it the flying process verifies what comes and signs what goes.
-        self._signing = None if key_file is None or self.shared else Signing(read_key(key_file))
+        self._signing = (
+            None if key_file is None or self.shared else FreshSigning(read_key(key_file), self._vehicle, self.ids)
+        )
         self._parser = FrameParser(stream=self._link.stream)
         self._pymavlink = mavlink.MAVLink(None, srcSystem=config.link.system_id, srcComponent=COMPONENT_ID)
         self._hello_s = 0.0
@@ -92,6 +95,10 @@ class Client:
             if (frame.system_id, frame.component_id) == self._vehicle
             and (self._signing is None or self._signing.verify(frame))
         ]
+        if self._signing is not None and self._signing.wanted:
+            nonce = self._signing.challenge(time.monotonic())
+            if nonce is not None:
+                self.send(mavlink.MAVLink_timesync_message(0, nonce))
         for frame in frames:
             if frame.message_id == HEARTBEAT.message_id:
                 if self.heartbeat is None:
