@@ -12,18 +12,21 @@ import sys
 
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # where this package lies
 _RUN_MODULE = (
-    "import sys; home, module = sys.argv[1:3]; del sys.argv[1:3]; home in sys.path or sys.path.append(home); "
+    "import sys; home, at, module = sys.argv[1:4]; del sys.argv[1:4]; "
+    "home in sys.path or sys.path.insert(int(at), home); "
     "import runpy; runpy.run_module(module, run_name='__main__', alter_sys=True)"
 )
+_FIRST, _LAST = "0", "99"
 
 
 def leave_current_directory() -> None:
     """Take the current directory off this process's path, and off that of all its children.
 
-    A package that lies there itself (a checkout that is not installed) stays importable, as the last on the path. What
-    PYTHONPATH names in full is somebody's wish and stays.
+    Where this package itself lies there, as in a checkout, it is what somebody wants to run, and stays; so does what
+    PYTHONPATH names in full.
     """
-    if not sys.flags.safe_path and sys.path and sys.path[0] in ("", os.getcwd()):
+    here = os.getcwd()
+    if not sys.flags.safe_path and sys.path and sys.path[0] in ("", here) and here != _HOME:
         del sys.path[0]
     sys.path[:] = [entry for entry in sys.path if os.path.isabs(entry)]
     if _HOME not in sys.path:
@@ -33,7 +36,8 @@ def leave_current_directory() -> None:
 
 def python_command(module: str, *arguments: str) -> list[str]:
     """The command line that runs a module of ours in another interpreter. Its environment: `child_environment`."""
-    return [sys.executable, "-P", "-c", _RUN_MODULE, _HOME, module, *arguments]
+    at = _FIRST if sys.path[:1] == [_HOME] else _LAST  # the child is to find the same package as this process did
+    return [sys.executable, "-P", "-c", _RUN_MODULE, _HOME, at, module, *arguments]
 
 
 def safe_environment() -> dict[str, str]:

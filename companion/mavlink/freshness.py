@@ -22,7 +22,7 @@ from companion.mavlink.codec import Frame, Layout
 from companion.mavlink.signing import MINUTE, Signing, Stream
 
 TIMESYNC: Final = Layout("TIMESYNC")
-_THEIRS: Final = TIMESYNC.index("tc1")
+_HEARTBEAT: Final = Layout("HEARTBEAT").message_id
 _OURS: Final = TIMESYNC.index("ts1")
 _NONCE_BITS: Final = 62  # `ts1` is a signed number, and never zero
 _NONCE_S: Final = 2.0  # one question for so long: a recording that asks for one in between does not spoil the last
@@ -93,7 +93,7 @@ class FreshSigning(Signing):
             self.proven = True
             return True
         self.unproven += 1
-        self.wanted = True
+        self.wanted = self.wanted or frame.message_id == _HEARTBEAT
         return False
 
     def _remember(self, stream: Stream, stamp: int) -> None:
@@ -103,7 +103,4 @@ class FreshSigning(Signing):
             self._newest[stream[:2]] = stamp
 
     def _answers(self, frame: Frame) -> bool:
-        if frame.message_id != TIMESYNC.message_id:
-            return False
-        values = TIMESYNC.unpack(frame.payload)
-        return bool(values[_THEIRS] != 0 and values[_OURS] in self._nonces)
+        return frame.message_id == TIMESYNC.message_id and TIMESYNC.unpack(frame.payload)[_OURS] in self._nonces

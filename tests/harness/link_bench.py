@@ -79,6 +79,8 @@ class Bench:
         """Hear a heartbeat of a vehicle that has the key, and its answer to what it is asked."""
         assert self.hear(vehicle.sign(heartbeat())) == []
         assert self.hear(vehicle.sign(packed(mavlink.MAVLink_timesync_message(1, self.asked())))) == []
+        (frame,) = FrameParser().feed(self.wire.sent[-1])  # it is asked for a heartbeat: the last may be a recording
+        assert frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_LONG
         assert self.hear(vehicle.sign(heartbeat())) == [0]
 
     def asked(self) -> int:

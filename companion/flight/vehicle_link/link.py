@@ -141,6 +141,8 @@ class VehicleLink:
                         (time_us,) = _sample_time(ODOMETRY.full(payload))  # it is what moves our clock
                     self._record(RECEIVED, time_us, raw)
                     kept.append(frame)
+                elif believed and number == TIMESYNC.message_id:  # its answer: now it may say what it is
+                    self.request(requests.TellHeartbeat())
             elif system in self._may_steer and self.connected and live_command.addressed_to(frame, self._own):
                 if signing is None or signing.verify(frame):
                     self.steering.append(frame)
