@@ -221,9 +221,8 @@ def fly(folder: Path, kind: Kind, inputs: int, rate_hz: float, *, realtime: bool
         recording = vehicle.recording(500) if "replay" in kind.attacks else []
         if recording:
             play_recording(recording, port, _RECORDING_S)
-            believed = candidate.output().strip().splitlines()[-1]
-            if "link" not in believed:
-                raise RuntimeError(f"it believed a recording: {believed}")
+            if "checking" in (said := candidate.output()):
+                raise RuntimeError(f"it believed a recording: {said.strip()}")
         settle(candidate, vehicle)
         genuine.write_bytes(b"".join(recording or vehicle.sent) if signed else b"")
         fire = Fire(kind, vehicle, inputs, rate_hz, seed, genuine)
