@@ -22,7 +22,7 @@ from companion.flight.vehicle_link.link_delay import TIMESYNC, LinkDelay
 from companion.flight.vehicle_link.messages import ROWS, Heartbeat, ModeReport
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.flight.vehicle_link.requests import CURRENT_MODE, HEARTBEAT, Request
-from companion.flight.vehicle_link.rivals import SET_ATTITUDE_TARGET, Sent, recognise
+from companion.flight.vehicle_link.rivals import KEPT, SET_ATTITUDE_TARGET, is_echo, recognise
 from companion.flight.vehicle_link.trust import Trust
 from companion.mavlink import px4
 from companion.mavlink.codec import Encoder, Frame, FrameParser
@@ -69,7 +69,8 @@ class VehicleLink:
         self._pymavlink = mavlink.MAVLink(None, srcSystem=self._own[0], srcComponent=self._own[1])
         self._encode_setpoint = Encoder(SET_ATTITUDE_TARGET, *self._own, signed=self._signing is not None).encode
         self._ground_station = GroundStation(one_axis=config.vehicle_kind.one_axis)
-        self._sent = Sent()
+        self._count = 0  # of frames sent: the sequence is the rest of it by 256
+        self._sent = [b""] * KEPT
         self._arrivals = Arrivals(link, clock.wall_s)
         self.receive = self._arrivals.receive
         self.steering: deque[Frame] = deque(maxlen=_MOST_STEERING)
@@ -146,7 +147,7 @@ class VehicleLink:
             elif system in self._may_steer and self.connected and live_command.addressed_to(frame, self._own):
                 if signing is None or signing.verify(frame):
                     self.steering.append(frame)
-            elif (system, component) == self._own and self._sent.is_echo(frame):
+            elif (system, component) == self._own and is_echo(frame, self._sent):
                 self.echoed += 1
             else:
                 self.foreign += 1
@@ -256,7 +257,7 @@ class VehicleLink:
         qw, qx, qy, qz, thrust = setpoint
         system, component = self._vehicle
         frame = self._encode_setpoint(
-            self._sent.count,
+            self._count,
             sample_ms,
             qw,
             qx,
@@ -274,12 +275,14 @@ class VehicleLink:
 
     def _send(self, message: Any) -> None:
         """Send a pymavlink message, off the hot path."""
-        self._pymavlink.seq = self._sent.count & 255
+        self._pymavlink.seq = self._count & 255
         frame = bytes(message.pack(self._pymavlink))
         self._put(frame if self._signing is None else self._signing.sign(frame), self._clock.time_us())
 
     def _put(self, frame: bytes, time_us: int) -> None:
-        self._sent.add(frame)
+        count = self._count
+        self._sent[count % KEPT] = frame
+        self._count = count + 1
         self._link.send(frame)
         self._record(SENT, time_us, frame)
 

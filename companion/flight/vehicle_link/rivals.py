@@ -11,28 +11,18 @@ SET_ATTITUDE_TARGET: Final = Layout("SET_ATTITUDE_TARGET")
 
 _TARGET_SYSTEM: Final = SET_ATTITUDE_TARGET.index("target_system")
 _TARGET_COMPONENT: Final = SET_ATTITUDE_TARGET.index("target_component")
-_KEPT: Final = 4096  # of our own frames: some ten seconds of them
+KEPT: Final = 4096  # of our own frames: some ten seconds of them
 _SEQUENCES: Final = 256  # of MAVLink
 
 Ids = tuple[int, int]
 
 
-class Sent:
-    """Our own frames, in the order of their sequence, to be known when they come back. Attribute: `count`."""
+def is_echo(frame: Frame, sent: list[bytes]) -> bool:
+    """Whether a frame is one that we sent, to the last byte: time stamp, and signature where there is one.
 
-    def __init__(self) -> None:
-        self.count = 0
-        self._frames = [b""] * _KEPT
-
-    def add(self, frame: bytes) -> None:
-        """A frame that goes out; its sequence is `count`."""
-        count = self.count
-        self._frames[count % _KEPT] = frame
-        self.count = count + 1
-
-    def is_echo(self, frame: Frame) -> bool:
-        """Whether a frame is one of ours to the last byte: time stamp, and signature where there is one."""
-        return frame.raw in self._frames[frame.sequence :: _SEQUENCES]
+    `sent` are `KEPT` frames, each where its count, of which the sequence is the rest by 256, puts it.
+    """
+    return frame.raw in sent[frame.sequence :: _SEQUENCES]
 
 
 def recognise(frame: Frame, own: Ids, vehicle: Ids) -> str | None:
