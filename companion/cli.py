@@ -13,7 +13,7 @@ import sys
 from typing import Any, Final, NamedTuple, NoReturn, Protocol
 
 from companion import __version__
-from companion.errors import CompanionError
+from companion.errors import CompanionError, printable
 from companion.safe_path import leave_current_directory
 
 
@@ -85,7 +85,7 @@ def main(argv: list[str] | None = None) -> None:
         module, arguments = read_command_line(argv)
         code = module.run(arguments)
     except CompanionError as error:
-        print(f"companion: {error}", file=sys.stderr)
+        print(f"companion: {printable(str(error))}", file=sys.stderr)
         code = 2
     except KeyboardInterrupt:
         code = 130

@@ -152,7 +152,7 @@ class ToolServer:
 
     def asked(self, now_s: float) -> bytes:
         """The next frame to be sent for the tool, empty for none. Never waits; call it after the set-point is out."""
-        return self._burst(now_s) or self._question(now_s)
+        return self._question(now_s) or self._burst(now_s)  # a question may be the end of a log
 
     def _burst(self, now_s: float) -> bytes:
         if self._log is None or now_s - self._log_s < self._pace.interval_s:

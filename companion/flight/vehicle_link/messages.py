@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.errors import printable
 from companion.mavlink.codec import Layout
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
@@ -134,7 +135,7 @@ def parameter(payload: bytes) -> Parameter | None:
         return None
     (value,) = struct.unpack(layout, payload[:4])
     name, _, _ = payload[_PARAM_NAME].partition(b"\0")
-    return Parameter(name.decode("ascii", "replace"), value)
+    return Parameter(printable(name.decode("ascii", "replace")), value)
 
 
 def firmware(payload: bytes) -> Firmware:

@@ -146,6 +146,15 @@ def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(server: To
     assert [server.asked(11.0), server.asked(12.0)] == [b"", b""]
 
 
+def test_the_end_of_a_log_is_heard_where_the_loop_turns_slowly(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 0xFFFFFFFF)).raw)
+    assert server.asked(10.0) != b""
+    end = frame_of(mavlink.MAVLink_log_request_end_message(1, 1))
+    tool.send(end.raw)
+    assert end.raw in [server.asked(10.1), server.asked(10.2)]
+    assert server.asked(10.3) == b""
+
+
 @pytest.mark.parametrize("offset", [0, 0xFFFFFFFF])
 def test_a_request_without_end_does_not_break_the_server(server: ToolServer, tool: ToolLink, offset: int) -> None:
     tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
