@@ -140,6 +140,8 @@ def _rows(path: Path) -> Rows:
         if raw[0] != _V2 or (raw[7] | raw[8] << 8 | raw[9] << 16) not in _LAYOUTS:
             continue
         for frame in parser.feed(raw):
+            if len(frame.raw) < len(raw):
+                continue  # what stands inside a damaged one
             layout = _LAYOUTS[frame.message_id]
             if layout is _SETPOINT or frame.component_id == _AUTOPILOT:
                 rows[layout.name].append(((time_us - first_us) * 1e-6, frame.system_id, layout.unpack(frame.payload)))

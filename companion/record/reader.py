@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,12 +47,12 @@ def read_flight(folder: Path) -> Flight:
     ticks: list[bytes] = []
     events: list[Event] = []
     try:
-        with path.open("rb") as stream:
-            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
-                if channel.topic == schema.TICK_TOPIC:
-                    ticks.append(message.data[len(schema.CDR_HEADER) :])
-                elif channel.topic == schema.EVENT_TOPIC:
-                    events.append(Event(message.log_time * 1e-9, *schema.unpack_event(message.data)))
-    except (McapError, ZstdError, KeyError, struct.error) as error:
+        data = io.BytesIO(path.read_bytes())  # whose only errors are those of its content
+        for _, channel, message in make_reader(data, validate_crcs=True).iter_messages(log_time_order=False):
+            if channel.topic == schema.TICK_TOPIC:
+                ticks.append(message.data[len(schema.CDR_HEADER) :])
+            elif channel.topic == schema.EVENT_TOPIC:
+                events.append(Event(message.log_time * 1e-9, *schema.unpack_event(message.data)))
+    except (McapError, ZstdError, KeyError, struct.error, MemoryError, OverflowError) as error:
         raise ValueError(f"{path}: not a readable flight log ({error})") from None
     return Flight(np.frombuffer(b"".join(ticks), dtype=tick_dtype()), events)
