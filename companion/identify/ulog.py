@@ -104,7 +104,8 @@ def _check_whole(path: Path, data: bytes) -> None:
     at, total = _HEADER_BYTES, len(data)
     while at + _MESSAGE.size <= total:
         size, kind = _MESSAGE.unpack_from(data, at)
-        if kind == _FLAG_BITS and size > 8 and data[at + _MESSAGE.size + 8] & _APPENDED:
+        flags_at = at + _MESSAGE.size + 8
+        if kind == _FLAG_BITS and size > 8 and flags_at < total and data[flags_at] & _APPENDED:
             return  # a crash dump was appended: what stands before it may end anywhere
         at += _MESSAGE.size + size
     if at != total or total <= _HEADER_BYTES:

@@ -160,7 +160,7 @@ class LogFetch:
             return b""  # of another log, of an earlier request, or had already
         self._heard_s = now_s
         self._finished = self._finished or offset == self._last_asked
-        self._beyond[offset] = bytes(data[:count])
+        self._beyond[offset] = bytes(data[: min(count, self._entry.size_bytes - offset)])  # it may have grown since
         begin = self.offset
         parts = []
         while (part := self._beyond.pop(self.offset, None)) is not None:

@@ -200,6 +200,7 @@ def test_files_that_are_no_logs(cut: Cut, tmp_path: Path, capsys: pytest.Capture
         "text": (b"this is no log at all, it is text\n" * 99, r"not a log: a ULog"),
         "zeros": (bytes(4096), r"not a log"),
         "ulog header": (ulog[:16], r"truncated: it ends inside a message, at byte 16"),
+        "cut in its flags": (ulog[:23], r"truncated: it ends inside a message, at byte 23"),
         "half a ulog": (ulog[: len(ulog) // 2 + 1], r"truncated: it ends inside a message, at byte \d+: download it"),
         "damaged ulog": (ulog[:40_000] + bytes(4000) + ulog[44_000:], r"(damaged|truncated|not a readable ULog)"),
         "half a tlog": (traffic[: len(traffic) // 2 + 3], r"truncated: it ends inside a record, at byte \d+: copy it"),
