@@ -5,19 +5,23 @@
 
 Each target runs in a process of its own for so long, from the seeds and what FOLDER/TARGET holds, and adds to it. A
 finding ends it with code 1 and the input's path; an input that takes more than ten seconds is one too. `--minimise`
-writes the smallest corpus with the same coverage to FOLDER/TARGET.min.
+writes the smallest corpus with the same coverage, and what once broke it, to `tests/data/fuzz/TARGET.json`.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
+import json
 import lzma
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 _SEED_BYTES = 4096  # of a recording
+_PACKED_BYTES = 12_000
 
 
 def seeds(target: str, folder: Path) -> None:
@@ -30,7 +34,8 @@ def seeds(target: str, folder: Path) -> None:
     elif target == "config":
         found = [path.read_bytes() for path in sorted((ROOT / "config").glob("*.yaml"))]
     elif target == "certificate":
-        found = [min((path.read_bytes() for path in (ROOT / "config").glob("*.json")), key=len)]
+        whole = [json.loads(path.read_text()) for path in sorted((ROOT / "config").glob("*.json"))]
+        found = [json.dumps(shortened(one, length)).encode() for one in whole for length in (1, 3)]
     elif target == "ulog":
         found = [lzma.decompress(path.read_bytes())[:_SEED_BYTES] for path in sorted(data.glob("*.ulg.xz"))]
     elif target == "stamps":
@@ -46,12 +51,28 @@ def seeds(target: str, folder: Path) -> None:
         (folder / f"seed{number}").write_bytes(content)
 
 
+def shortened(value: object, length: int) -> object:
+    """JSON with its lists cut: exact arithmetic on a whole certificate takes a minute where every step is followed."""
+    if isinstance(value, dict):
+        return {key: shortened(inner, length) for key, inner in value.items()}
+    return [shortened(inner, length) for inner in value[:length]] if isinstance(value, list) else value
+
+
+def pack(target: str, smallest: Path, folder: Path) -> None:
+    """The corpus as one file of the tests: the smallest inputs first, as many as a test has room for."""
+    kept = sorted((path.read_bytes() for path in smallest.iterdir()), key=len)
+    while sum(map(len, kept)) > _PACKED_BYTES:
+        kept.pop()
+    broke = [path.read_bytes() for path in sorted(folder.glob(f"{target}-crash-*"))]
+    text = json.dumps([base64.b64encode(one).decode() for one in [*kept, *broke]], indent=0)
+    (ROOT / "tests" / "data" / "fuzz" / f"{target}.json").write_text(text + "\n")
+
+
 def run(target: str) -> None:
     """The fuzzer's own process; what is left of the command line is libFuzzer's."""
     import atheris  # noqa: PLC0415
 
-    # Exact arithmetic on a real certificate takes a second; followed step by step, a minute.
-    with atheris.instrument_imports(include=["companion.certify.proof" if target == "certificate" else "companion"]):
+    with atheris.instrument_imports(include=["companion"]):
         from targets import TARGETS  # noqa: PLC0415
 
     atheris.Setup(sys.argv, TARGETS[target])
@@ -72,7 +93,8 @@ def main() -> int:
         command = [sys.executable, __file__, "--target", target]
         if arguments.minimise:
             smallest = arguments.corpus / f"{target}.min"
-            smallest.mkdir(exist_ok=True)
+            shutil.rmtree(smallest, ignore_errors=True)
+            smallest.mkdir()
             command += ["-merge=1", str(smallest), str(folder)]
         else:
             limits = [f"-max_total_time={arguments.seconds}", "-timeout=10", "-rss_limit_mb=2048", "-max_len=8192"]
@@ -80,6 +102,8 @@ def main() -> int:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         lines = [line for line in done.stderr.splitlines() if line.startswith(("stat::number_of", "INFO: seed corpus"))]
         print(f"{target}: code {done.returncode}; {' '.join(lines)}", flush=True)
+        if arguments.minimise and not done.returncode:
+            pack(target, smallest, arguments.corpus)
         if done.returncode:
             failed += 1
             print(f"{done.stdout[-1500:]}\n{done.stderr[-1500:]}", flush=True)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from harness.link_bench import KEY, OFFBOARD, STEERING, Bench, Log, config, heartbeat, packed, target
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.control.types import AttitudeSetpoint, Odometry
+from companion.control.types import AttitudeSetpoint, Odometry, PositionSetpoint
 from companion.flight.authority.states import State
 from companion.flight.host.clock import Clock
+from companion.flight.steering import LiveCommands
 from companion.flight.vehicle_link.link import VehicleLink
 from companion.mavlink.freshness import TIMESYNC
 from companion.mavlink.link import UdpLink, open_link
@@ -203,3 +205,26 @@ def test_a_flood_of_steering_is_not_recorded_and_the_last_of_it_is_kept() -> Non
     assert len(bench.log.records) == before
     assert bench.steered() == [1996.0, 1997.0, 1998.0, 1999.0]
     assert len(bench.log.records) == before + 4
+
+
+def test_a_flood_of_steering_is_flown_fifty_times_a_second_and_ends_where_it_ended() -> None:
+    bench = Bench(*STEERING)
+    bench.hear(heartbeat())
+    clock, steered = Clock(), []
+    flight = SimpleNamespace(
+        link=bench.link,
+        clock=clock,
+        state=State.ENGAGED,
+        config=config(*STEERING),
+        announce=lambda *_: None,
+        pilot=SimpleNamespace(origin=PositionSetpoint(0.0, 0.0, 0.0, 0.0), steer=steered.append),
+    )
+    live = LiveCommands(flight)  # type: ignore[arg-type]
+    for n in range(1001):
+        clock.now_s = 10.0 + 0.001 * n
+        bench.hear(*(target(x=0.001 * n) for _ in range(4)))
+        live.fly_newest()
+    assert 4 * 45 <= len(steered) <= 4 * 51  # what waits is four at most
+    clock.now_s += 0.02
+    live.fly_newest()
+    assert abs(steered[-1].x_m - 1.0) < 1e-6
