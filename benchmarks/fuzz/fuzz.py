@@ -5,7 +5,7 @@
 
 Each target runs in a process of its own for so long, from the seeds and what FOLDER/TARGET holds, and adds to it. A
 finding ends it with code 1 and the input's path; an input that takes more than ten seconds is one too. `--minimise`
-writes the smallest corpus with the same coverage, and what once broke it, to `tests/data/fuzz/TARGET.json`.
+runs nothing: it writes what reaches the same lines, and what once broke them, to `tests/data/fuzz/TARGET.json`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,17 @@ import argparse
 import base64
 import json
 import lzma
-import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 _SEED_BYTES = 4096  # of a recording
 _PACKED_BYTES = 12_000
+_OURS = str(ROOT / "companion")
+_LIMITS = ("-timeout=10", "-rss_limit_mb=2048", "-max_len=8192", "-print_final_stats=1")
 
 
 def seeds(target: str, folder: Path) -> None:
@@ -58,14 +61,40 @@ def shortened(value: object, length: int) -> object:
     return [shortened(inner, length) for inner in value[:length]] if isinstance(value, list) else value
 
 
-def pack(target: str, smallest: Path, folder: Path) -> None:
-    """The corpus as one file of the tests: the smallest inputs first, as many as a test has room for."""
-    kept = sorted((path.read_bytes() for path in smallest.iterdir()), key=len)
-    while sum(map(len, kept)) > _PACKED_BYTES:
-        kept.pop()
+def lines_of(target: str, data: bytes) -> set[tuple[str, int]]:
+    """The lines of ours that an input reaches."""
+    from targets import TARGETS  # noqa: PLC0415
+
+    reached: set[tuple[str, int]] = set()
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        name = frame.f_code.co_filename
+        if not name.startswith(_OURS):
+            return None
+        if event == "line":
+            reached.add((name, frame.f_lineno))
+        return trace
+
+    sys.settrace(trace)
+    try:
+        TARGETS[target](data)
+    finally:
+        sys.settrace(None)
+    return reached
+
+
+def pack(target: str, folder: Path) -> int:
+    """The corpus as one file of the tests: inputs that reach a line no smaller one does, and what once broke it."""
+    reached: set[tuple[str, int]] = set()
+    kept = []
+    for data in sorted((path.read_bytes() for path in (folder / target).iterdir()), key=len):
+        if lines_of(target, data) - reached and sum(map(len, kept)) < _PACKED_BYTES:
+            reached |= lines_of(target, data)
+            kept.append(data)
     broke = [path.read_bytes() for path in sorted(folder.glob(f"{target}-crash-*"))]
     text = json.dumps([base64.b64encode(one).decode() for one in [*kept, *broke]], indent=0)
     (ROOT / "tests" / "data" / "fuzz" / f"{target}.json").write_text(text + "\n")
+    return len(kept) + len(broke)
 
 
 def run(target: str) -> None:
@@ -90,20 +119,14 @@ def main() -> int:
     for target in arguments.targets:
         folder = arguments.corpus / target
         seeds(target, folder)
-        command = [sys.executable, __file__, "--target", target]
         if arguments.minimise:
-            smallest = arguments.corpus / f"{target}.min"
-            shutil.rmtree(smallest, ignore_errors=True)
-            smallest.mkdir()
-            command += ["-merge=1", str(smallest), str(folder)]
-        else:
-            limits = [f"-max_total_time={arguments.seconds}", "-timeout=10", "-rss_limit_mb=2048", "-max_len=8192"]
-            command += [*limits, f"-artifact_prefix={arguments.corpus}/{target}-", "-print_final_stats=1", str(folder)]
+            print(f"{target}: {pack(target, arguments.corpus)} inputs", flush=True)
+            continue
+        command = [sys.executable, __file__, "--target", target, f"-max_total_time={arguments.seconds}", *_LIMITS]
+        command += [f"-artifact_prefix={arguments.corpus}/{target}-", str(folder)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         lines = [line for line in done.stderr.splitlines() if line.startswith(("stat::number_of", "INFO: seed corpus"))]
         print(f"{target}: code {done.returncode}; {' '.join(lines)}", flush=True)
-        if arguments.minimise and not done.returncode:
-            pack(target, smallest, arguments.corpus)
         if done.returncode:
             failed += 1
             print(f"{done.stdout[-1500:]}\n{done.stderr[-1500:]}", flush=True)
