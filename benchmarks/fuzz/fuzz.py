@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing of what reads bytes of others. Not in CI: an hour in all.
 
-    pip install atheris
+    pip install -e '.[fuzz]'
     python benchmarks/fuzz/fuzz.py codec link config --seconds 300 [--corpus FOLDER]
 
 Each target runs in a process of its own for so long, from the seeds and what FOLDER/TARGET holds, and adds to it. A
