@@ -11,28 +11,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 from companion.config import load_config
-from companion.flight.readiness.px4_settings import KINDS
+from companion.flight.readiness.px4_settings import wanted
 from companion.mavlink.client import Client
 from companion.mavlink.codec import Frame
-from companion.mavlink.log_client import list_logs, newest
-from companion.mavlink.log_protocol import LOG_DATA, LogFetch
+from companion.mavlink.logs.client import list_logs, newest
+from companion.mavlink.logs.protocol import LOG_DATA, LogFetch
 from companion.mavlink.services import Attachment, Services
+from companion.mavlink.vehicle_report import read_parameters
 
 CONFIG = Path(__file__).resolve().parents[1] / "config" / "paper_quadrotor.yaml"
 
 
-def read_parameters(client: Client, until_s: float) -> dict[str, float]:
-    """mavsdk asks for what `companion vehicle` asks for, again and again."""
+def ask(client: Client, until_s: float) -> dict[str, float]:
+    """What `companion vehicle` asks for, again and again."""
     count = 0
-    with Services(client) as services:
-        while time.monotonic() < until_s:
-            count += len(services.parameters(KINDS))
+    while time.monotonic() < until_s:
+        count += len(read_parameters(client, wanted((1, 17, 0))))
     return {"parameters": count}
 
 
 def read_log(client: Client, until_s: float) -> dict[str, float]:
     """Our protocol fetches the log, from the beginning again when it has come to its end."""
-    entry = newest(list_logs(client))
+    entry = newest(list_logs(client).entries)[-1]
     count, began_s = 0, time.monotonic()
     while time.monotonic() < until_s:
         download = LogFetch(*client.vehicle, entry)
@@ -61,8 +61,8 @@ def read_log_by_mavsdk(client: Client, until_s: float) -> dict[str, float]:
 
 
 def read_both(client: Client, until_s: float) -> dict[str, float]:
-    """Parameters by mavsdk while a log comes down by our protocol: two clients of one process."""
-    entry = newest(list_logs(client))
+    """Parameters while a log comes down: two clients of one process."""
+    entry = newest(list_logs(client).entries)[-1]
     results: dict[str, float] = {}
     fetch = LogFetch(*client.vehicle, entry)
     frames_of = client.frames
@@ -78,13 +78,13 @@ def read_both(client: Client, until_s: float) -> dict[str, float]:
         return heard
 
     client.frames = frames  # type: ignore[method-assign]
-    results |= read_parameters(client, until_s)
+    results |= ask(client, until_s)
     client.send(fetch.end())
     return results
 
 
 TOOLS: dict[str, Callable[[Client, float], dict[str, float]]] = {
-    "mavsdk: parameters": read_parameters,
+    "ours: parameters": ask,
     "ours: log": read_log,
     "both": read_both,
     "mavsdk: log": read_log_by_mavsdk,

@@ -25,11 +25,11 @@ from companion.flight.vehicle_link.link import VehicleLink
 from companion.identify import traffic
 from companion.identify.ulog import _check_whole
 from companion.mavlink.codec import MAX_FRAME_BYTES, Frame, FrameParser, crc_extra
-from companion.mavlink.log_client import newest
-from companion.mavlink.log_protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
+from companion.mavlink.logs.client import newest
+from companion.mavlink.logs.protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
+from companion.mavlink.logs.ulog import extent
 from companion.mavlink.stamps import read_stamps
 from companion.mavlink.tool_server import ToolServer, question
-from companion.mavlink.ulog import extent
 from companion.record.reader import read_flight
 
 ROOT: Final = Path(__file__).resolve().parents[2]

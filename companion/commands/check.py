@@ -19,7 +19,7 @@ from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
 from companion.commands.check_report import ANGLES, table, verdict
-from companion.commands.options import ConfigFile, add_config, add_json, config_file
+from companion.commands.options import ConfigFile, add_anyway, add_config, add_json, config_file
 from companion.config import ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
@@ -46,6 +46,7 @@ class Arguments(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion check`."""
+    add_anyway(parser)
     add_config(parser)
     effort = parser.add_mutually_exclusive_group()
     effort.add_argument("--quick", action="store_true", help="the verdict alone: no margin, no delay budget")

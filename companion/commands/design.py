@@ -21,10 +21,11 @@ from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
 from companion.certify.statement import Json
 from companion.commands.design_report import Designed, show, to_json
-from companion.commands.options import add_json, add_logs
-from companion.config import Config, ConfigError, load_config, load_text
+from companion.commands.options import ConfigFile, add_anyway, add_json, add_logs, refuse_slips
+from companion.config import Config, ConfigError, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.config.estimator import VelocityError
+from companion.config.numbers import shortest
 from companion.config.vehicles import ANGLES
 from companion.identify.identification import Identification, identify_log
 from companion.identify.write import note, response
@@ -43,6 +44,7 @@ class Arguments(NamedTuple):
     intervals: bool
     link_delay: float
     force: bool
+    anyway: bool
     json: bool
 
 
@@ -55,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--intervals", action="store_true", help="certify the whole of the identified intervals")
     parser.add_argument("--link-delay", type=float, default=0.0, metavar="S", help="both ways, where no log has it")
     parser.add_argument("--force", action="store_true", help="replace what --out names")
+    add_anyway(parser)
     add_json(parser)
 
 
@@ -68,6 +71,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.intervals,
         namespace.link_delay,
         namespace.force,
+        namespace.anyway,
         namespace.json,
     )
 
@@ -81,7 +85,7 @@ def run(arguments: Arguments) -> int:
         raise ConfigError(f"--margin {arguments.margin:g}: a fraction from 0 to below 1, as in 0.1 for 10 %")
     if not out.parent.is_dir():
         raise ConfigError(f"{out}: cannot write: no such folder")
-    template = load_config(arguments.template)
+    template = ConfigFile(arguments.template, (), arguments.anyway).load()
     if not 0.0 <= arguments.link_delay < 0.5:
         raise ConfigError(f"--link-delay {arguments.link_delay:g}: seconds, both ways together, from 0 to below 0.5")
     identification = identify_log(arguments.logs, template.vehicle.system_id)
@@ -96,11 +100,14 @@ def run(arguments: Arguments) -> int:
     if chosen is None:
         console.print("[bold red]Nothing certified[/bold red]: tune the attitude loop faster, or cut the delay.")
         return 1
-    designed = edited(with_response, _changes(with_response, chosen, template))
+    designed = edited(with_response, _changes(with_response, chosen, template), drop_figures=True)
     adaptation = chosen.adaptation
     if adaptation is not None and adaptation.correct and template.controller.estimate_correction is None:
         designed = added(designed, "controller", "estimate_correction", "{}")
-    certificate = _certificate(problem(load_text(designed, out, out.parent)))
+    config = load_text(designed, out, out.parent)
+    if not arguments.anyway:
+        refuse_slips(config, out)
+    certificate = _certificate(problem(config))
     if certificate is None:
         console.print("[bold red]Not certified[/bold red] after all: give a larger --margin.")
         return 1
@@ -174,7 +181,7 @@ def _with_response(text: str, template: Config, identification: Identification, 
     if identification.px4_version is not None:
         stated["px4_version"] = f'"{identification.px4_version}"'
     changes |= {("vehicle", key): value for key, value in stated.items() if ("vehicle", key) in known}
-    text = edited(text, changes, notes)
+    text = edited(text, changes, notes, drop_figures=True)
     for key, value in stated.items():
         if ("vehicle", key) not in known:
             text = added(text, "vehicle", key, value)
@@ -218,7 +225,7 @@ def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
             ("natural_frequency_rad_s", f"{chosen.natural_frequency_rad_s}"),
             ("position_weight_bound", _interval(chosen.position_bound)),
             ("velocity_weight_bound", _interval(chosen.velocity_bound)),
-            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {standard:g}}}"),
+            ("adaptation_rate", f"{{hedged: {chosen.adaptation_rate}, standard: {shortest(standard)}}}"),
         ):
             path = ("controller", "axes", axis, key)
             if path in known:
@@ -226,7 +233,8 @@ def _changes(text: str, chosen: Design, template: Config) -> dict[KeyPath, str]:
         if chosen.adaptation is not None and ("controller", "axes", axis, "lyapunov_q") in known:
             changes["controller", "axes", axis, "lyapunov_q"] = f"[1, {chosen.adaptation.q2}]"
     if controller.bias is not None:
-        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {controller.bias.adaptation_rate.standard:g}}}"
+        standard = controller.bias.adaptation_rate.standard
+        rates = f"{{hedged: {chosen.bias_adaptation_rate}, standard: {shortest(standard)}}}"
         changes["controller", "bias", "adaptation_rate"] = rates
     return changes
 

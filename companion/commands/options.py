@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.config import Config, load_config
+from companion.config import Config, ConfigError, load_config
+from companion.config.plausible import slips
 
 
 class ConfigFile(NamedTuple):
@@ -14,10 +15,22 @@ class ConfigFile(NamedTuple):
 
     path: Path
     overrides: tuple[str, ...]
+    anyway: bool = True  # whether implausible values are taken: by whom they do not concern, or who is told to
 
     def load(self) -> Config:
-        """The config as overridden. Raises `ConfigError`."""
-        return load_config(self.path, self.overrides)
+        """The config as overridden. Raises `ConfigError`, for values that only a slip of unit explains too."""
+        config = load_config(self.path, self.overrides)
+        if not self.anyway:
+            refuse_slips(config, self.path)
+        return config
+
+
+def refuse_slips(config: Config, path: Path) -> None:
+    """Raises `ConfigError` for values that only a slip of unit explains, with a line for the first."""
+    first, *more = [*slips(config), ""]
+    if first:
+        further = f" (and {len(more) - 1} more)" if len(more) > 1 else ""
+        raise ConfigError(f"{path}: {first}{further}; --anyway if it is meant so")
 
 
 def shipped_config() -> Path:
@@ -43,7 +56,12 @@ def add_config(parser: argparse.ArgumentParser, default: Path | None = None) -> 
 def config_file(namespace: argparse.Namespace) -> ConfigFile:
     """What `add_config` declared; `--identify` is an override too, and what `--set` says of it counts more."""
     first = ["mission={identification: {}}"] if getattr(namespace, "identify", False) else []
-    return ConfigFile(namespace.config, (*first, *namespace.overrides))
+    return ConfigFile(namespace.config, (*first, *namespace.overrides), getattr(namespace, "anyway", True))
+
+
+def add_anyway(parser: argparse.ArgumentParser) -> None:
+    """`--anyway`, of the commands that act on the numbers."""
+    parser.add_argument("--anyway", action="store_true", help="take values too that only a slip of unit explains")
 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from companion.certify.from_config import certificate_path
-from companion.commands.options import ConfigFile, add_config, add_flight, config_file
+from companion.commands.options import ConfigFile, add_anyway, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
 from companion.config.mission.identifying import as_flown, in_a_line
 from companion.errors import printable
@@ -20,7 +20,7 @@ from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
 from companion.flight.readiness.certificate import cover, unwatched
 from companion.mavlink.link import Link, LinkError, open_link
-from companion.mavlink.log_protocol import ON_A_LINE, ON_A_NETWORK
+from companion.mavlink.logs.protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.tool_client import tool_socket
 from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder
@@ -46,6 +46,7 @@ class Arguments(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion run`."""
+    add_anyway(parser)
     add_config(parser)
     parser.add_argument("--link", help="udpin://host:port, udpout://host:port or serial:///dev/...:baud")
     parser.add_argument(
@@ -114,6 +115,7 @@ def run(arguments: Arguments) -> int:
                 bench=arguments.bench,
                 warning=warning,
                 uncertified=arguments.uncertified,
+                anyway=arguments.config.anyway,
                 tools=tools,
                 notifier=notifier,
                 print_line=terminal.print_line,

@@ -6,7 +6,15 @@ import argparse
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.commands.options import ConfigFile, add_config, add_flight, add_json, config_file, shipped_config
+from companion.commands.options import (
+    ConfigFile,
+    add_anyway,
+    add_config,
+    add_flight,
+    add_json,
+    config_file,
+    shipped_config,
+)
 from companion.config import ConfigError
 
 
@@ -30,6 +38,7 @@ class Arguments(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `companion sitl`."""
+    add_anyway(parser)
     add_config(parser, shipped_config() / "antx_rig.yaml")
     add_flight(parser)
     parser.add_argument("--realtime", action="store_true", help="by the wall clock instead of in lockstep")

@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_json, add_tool_link, config_file
-from companion.flight.readiness.px4_settings import Setting, Verdict, judge, kinds, unstated, worst
+from companion.config.edit import flow
+from companion.flight.readiness.px4_settings import Setting, Verdict, judge, unstated, wanted, worst
 from companion.mavlink.client import Client
 from companion.mavlink.vehicle_report import VehicleReport, read_vehicle
 
@@ -52,8 +53,7 @@ def run(arguments: Arguments) -> int:
             client.connect()
             client.give_way()
         with console.status("asking"):
-            stated = dict.fromkeys(config.vehicle.parameters)
-            report = read_vehicle(client, lambda version: {**stated, **kinds(version)})
+            report = read_vehicle(client, lambda version: (*wanted(version), *config.vehicle.parameters))
     finally:
         client.close()
     firmware, parameters = report.firmware, report.parameters
@@ -65,12 +65,10 @@ def run(arguments: Arguments) -> int:
         console.print(_table(client, rows))
         console.print(_SUMMARY[verdict])
         if gains := unstated(config, firmware.version, parameters):
-            # As the vehicle rounds them to 32 bits, so seven digits are all there are.
-            told = ", ".join(f"{name}: {value:.7g}" for name, value in gains.items())
             version = "{}.{}".format(*firmware.version)
             console.print(
                 "What the attitude response is made of is not compared, `run` pins it as it reads it. Was it so at "
-                f'identification? Then say so:\n  vehicle: {{px4_version: "{version}", parameters: {{{told}}}}}',
+                f'identification? Then say so:\n  vehicle: {{px4_version: "{version}", parameters: {flow(gains)}}}',
                 highlight=False,
             )
     return 0 if verdict is Verdict.FINE else 1

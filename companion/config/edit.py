@@ -8,7 +8,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from companion.config import numbers
+
 KeyPath = tuple[str, ...]
+
+_FIGURE = re.compile(r"[0-9]")
+_TRAILING = re.compile(r"(?:^|(?<=\s))[ \t]*#.*$")
 
 
 class _Place(NamedTuple):
@@ -20,7 +25,13 @@ class _Place(NamedTuple):
     anchor: str
 
 
-def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, str] | None = None) -> str:
+def edited(
+    text: str,
+    changes: Mapping[KeyPath, str],
+    notes: Mapping[KeyPath, str] | None = None,
+    *,
+    drop_figures: bool = False,
+) -> str:
     """The text with other values.
 
     Parameters
@@ -31,12 +42,17 @@ def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, st
         New value, as YAML in flow style, by key path. An alias is replaced where it stands, an anchor is kept.
     notes
         By key path, a comment for the line above the key, in place of one there that begins with the same word.
+    drop_figures
+        Leave out the comments beside a value that changes, above it, in it and on its line, that have a digit in them:
+        they speak of the value before.
 
     Raises
     ------
     KeyError
         For a path that the text does not have.
     """
+    if drop_figures:
+        text = _without_figures(text, changes)
     places = _places(text)
     newline = "\r\n" if "\r\n" in text else "\n"
     edits: list[tuple[int, int, str]] = []  # from, to, and what comes there
@@ -64,6 +80,58 @@ def edited(text: str, changes: Mapping[KeyPath, str], notes: Mapping[KeyPath, st
     return text
 
 
+def _without_figures(text: str, changes: Mapping[KeyPath, str]) -> str:
+    """The text without the comments beside the values that change that have a digit in them."""
+    places = _places(text)
+    lines = text.splitlines(keepends=True)
+    gone: set[int] = set()  # lines that are nothing but a comment
+    for path, value in changes.items():
+        place = places[path]
+        if _equal(text[place.start : place.end], value):
+            continue
+        first, last = (text.count("\n", 0, at) for at in (place.key_start, max(place.end - 1, place.start)))
+        section = text.count("\n", 0, places[path[:-1]].key_start) if path[:-1] in places else first
+        heads = {first, section} if section == first - 1 else {first}  # of the section where it begins with the key
+        for head in heads:
+            gone |= _speaking(lines, range(head - 1, -1, -1), 0)
+        indent = len(lines[first]) - len(lines[first].lstrip())
+        for number in range(first, last + 1):
+            bare = _TRAILING.sub("", lines[number].rstrip("\r\n"))
+            comment = lines[number][len(bare) :]
+            below = _speaking(lines, range(number + 1, len(lines)), indent + 1)  # where a comment goes on
+            if not bare.strip():
+                gone |= {number} if _FIGURE.search(comment) else set()
+            elif _FIGURE.search(comment) or (comment.strip() and below):
+                lines[number] = bare.rstrip() + ("\r\n" if comment.endswith("\r\n") else "\n")
+                gone |= below or _comments(lines, range(number + 1, len(lines)), indent + 1)
+    return "".join(line for number, line in enumerate(lines) if number not in gone)
+
+
+def _equal(old: str, new: str) -> bool:
+    """Whether two texts of a value mean the same; an alias means what it stands for, which is not looked up."""
+    try:
+        return bool(yaml.load(old, Loader=numbers.Loader) == yaml.load(new, Loader=numbers.Loader))
+    except yaml.YAMLError:
+        return False
+
+
+def _comments(lines: list[str], numbers_of_lines: range, least_indent: int) -> set[int]:
+    """The lines of one block of comment, from where it begins."""
+    block: set[int] = set()
+    for number in numbers_of_lines:
+        said = lines[number].lstrip(" \t")
+        if not said.startswith("#") or len(lines[number]) - len(said) < least_indent:
+            break
+        block.add(number)
+    return block
+
+
+def _speaking(lines: list[str], numbers_of_lines: range, least_indent: int) -> set[int]:
+    """A block of comment that has a digit in it; empty for any other."""
+    block = _comments(lines, numbers_of_lines, least_indent)
+    return block if any(_FIGURE.search(lines[number]) for number in block) else set()
+
+
 def added(text: str, section: str, key: str, value: str) -> str:
     """The text with one more key, before the first of an outermost section in block style; as it was for any other."""
     before_the_first = re.compile(
@@ -73,10 +141,12 @@ def added(text: str, section: str, key: str, value: str) -> str:
 
 
 def flow(values: Mapping[str, float | Sequence[float]]) -> str:
-    """A mapping of numbers and lists of numbers as YAML in flow style, six figures each."""
+    """A mapping of numbers and lists of numbers as YAML in flow style, each as `numbers.shortest` writes it."""
 
     def plain(value: float | Sequence[float]) -> str:
-        return f"[{', '.join(f'{end:g}' for end in value)}]" if isinstance(value, Sequence) else f"{value:g}"
+        return (
+            f"[{', '.join(map(numbers.shortest, value))}]" if isinstance(value, Sequence) else numbers.shortest(value)
+        )
 
     return f"{{{', '.join(f'{key}: {plain(value)}' for key, value in values.items())}}}"
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 from decimal import Decimal
 from typing import Any, Final
 
@@ -62,6 +63,24 @@ def kept(value: int) -> bool:
         return int(float(value)) == value
     except OverflowError:
         return False
+
+
+def shortest(value: float) -> str:
+    """A number in the fewest digits, at least six, that are read back as the same.
+
+    PX4 keeps 32 bits: a value that 32 bits hold exactly is read back as those, by which it is compared; any other as
+    the same double.
+    """
+    kept = float32 if float32(value) == value else float
+    return next((told for digits in range(6, 17) if kept(told := f"{value:.{digits}g}") == value), repr(value))
+
+
+def float32(value: float | str) -> float:
+    """The value that 32 bits keep of a number; infinite beyond them."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
+    except OverflowError:
+        return math.copysign(math.inf, float(value))
 
 
 def _exact(node: yaml.ScalarNode) -> float:

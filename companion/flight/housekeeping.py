@@ -64,6 +64,7 @@ class Housekeeping:
         self._flight.preflight.pinned.on_firmware(firmware.version)
 
     def _on_parameter(self, parameter: Parameter) -> None:
+        self._flight.plausible.on_parameter(parameter)
         if self._flight.preflight.pinned.on_parameter(parameter):
             self._parameter_changed()
 
@@ -86,6 +87,8 @@ class Housekeeping:
             self._check()
         elif state is State.STANDBY and self._engagement is not None:
             self._engage(self._engagement)
+        if flight.plausible.refused is not None and state in (State.CHECKING, State.STANDBY):
+            flight.refuse(Reason.IMPLAUSIBLE, flight.plausible.refused)
         self._look_for_blindness(state)
         self._look_at_clock(clock_s)
         if state is State.STANDBY:
@@ -172,17 +175,13 @@ class Housekeeping:
         flight = self._flight
         patience_s = flight.config.link.connect_timeout_s
         if wall_s - flight.clock.began_wall_s > patience_s:
-            system, component = flight.ids
-            doubt = flight.link.doubt()
-            flight.refuse(
-                Reason.NO_VEHICLE,
-                f"no heartbeat of vehicle {system}/{component} within {patience_s:g} s: "
-                "check the link and vehicle.system_id" + (f" ({doubt})" if doubt else ""),
-            )
+            flight.refuse(Reason.NO_VEHICLE, flight.link.no_vehicle(patience_s))
 
     def _check(self) -> None:
         flight = self._flight
-        for request in flight.preflight.requests(flight.clock.now_s, heard=flight.sample is not None):
+        now_s = flight.clock.now_s
+        asked = flight.preflight.requests(now_s, heard=flight.sample is not None)
+        for request in [*asked, *flight.plausible.requests(now_s)]:
             flight.link.request(request)
         refused = flight.preflight.refused()
         if refused is not None:

@@ -38,9 +38,9 @@ class FlightProcess:
 
     `lockstep`: time is the odometry's own, and every sample is answered, so that a flight is a function of its inputs.
     `bench`: the propellers are off, so that control may begin on the ground. `warning`: why no certificate covers it;
-    `uncertified`: go on where the vehicle's gains are not the certified ones; `tools`: serves a tool that asks the
-    vehicle; `print_line`: takes a line for the person and never waits; `wall`: the clock on the wall, the system's by
-    default.
+    `uncertified`: go on where the vehicle's gains are not the certified ones; `anyway`: where the config makes no sense
+    beside the vehicle; `tools`: serves a tool that asks the vehicle; `print_line`: takes a line for the person and
+    never waits; `wall`: the clock on the wall, the system's by default.
     """
 
     def __init__(
@@ -55,6 +55,7 @@ class FlightProcess:
         lockstep: bool = False,
         warning: str | None = None,
         uncertified: bool = False,
+        anyway: bool = True,
         tools: ToolServer | None = None,
         notifier: Notifier | None = None,
         on_status: Callable[[Status], None] | None = None,
@@ -71,6 +72,7 @@ class FlightProcess:
             hedging=hedging,
             lockstep=lockstep,
             uncertified=uncertified,
+            anyway=anyway,
             engage=engage,
             bench=bench,
             wall=wall,

@@ -19,6 +19,7 @@ from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.ground import Ground
+from companion.flight.readiness.plausible import Plausible
 from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 from companion.flight.vehicle_link.link import Link, VehicleLink
@@ -51,6 +52,7 @@ class Session:
         hedging: bool,
         lockstep: bool,
         uncertified: bool = False,
+        anyway: bool = True,
         engage: bool = False,
         bench: bool = False,
         wall: Wall | None = None,
@@ -70,6 +72,7 @@ class Session:
         # certified of a response that is being identified.
         compare = not lockstep and config.mission.identification is None
         self.preflight = Preflight(config, self.pose, compare=compare, uncertified=uncertified)
+        self.plausible = Plausible(config, anyway=anyway)
         self.ground = Ground(flies=config.vehicle_kind.can_fly and not bench, takes_off=engage)
         self.estimator = EstimatorHealth()
         self.settling = Settling(config)

@@ -42,6 +42,8 @@ class Changes:
 
     def _on_landed_state(self, state: LandedState) -> None:
         flight = self._flight
+        if flight.sample is not None:
+            flight.plausible.on_landed_state(-flight.sample.z_m, landed=state.landed)
         flight.ground.on_report(flight.clock.now_s, landed=state.landed, offboard=flight.link.mode == Mode.OFFBOARD)
 
     def _on_heartbeat(self, _: Heartbeat) -> None:

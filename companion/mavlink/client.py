@@ -14,13 +14,13 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config
-from companion.mavlink.codec import Frame, FrameParser, Layout
+from companion.mavlink.codec import Frame, FrameParser
 from companion.mavlink.freshness import FreshSigning
+from companion.mavlink.heard import HEARTBEAT, Heard, is_px4
 from companion.mavlink.link import Link, LinkError, open_link
 from companion.mavlink.signing import read_key
 from companion.mavlink.tool_client import ToolLink, UntrustedSocketError, tool_sockets
 
-HEARTBEAT: Final = Layout("HEARTBEAT")
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one
 
 _TIMEOUT_S: Final = 0.02
@@ -69,6 +69,7 @@ class Client:
             None if key_file is None or self.shared else FreshSigning(read_key(key_file), self._vehicle, self.ids)
         )
         self._parser = FrameParser(stream=self._link.stream)
+        self._heard = Heard(self._vehicle, self.ids, stream=self._link.stream)
         self._pymavlink = mavlink.MAVLink(None, srcSystem=config.link.system_id, srcComponent=COMPONENT_ID)
         self._hello_s = 0.0
         self.heard: Counter[int] = Counter()
@@ -87,28 +88,39 @@ class Client:
 
     def frames(self) -> list[Frame]:
         """The vehicle's frames among the next bytes of the link; none when its timeout passed. Raises `LinkError`."""
-        if not self.heard and time.monotonic() - self._hello_s > _HELLO_S:
+        if self.heartbeat is None and time.monotonic() - self._hello_s > _HELLO_S:
             self._hello()
-        frames = [
-            frame
-            for frame in self._parser.feed(self._link.receive())
-            if (frame.system_id, frame.component_id) == self._vehicle
-            and (self._signing is None or self._signing.verify(frame))
-        ]
+        data = self._link.receive()
+        if self.heartbeat is None:
+            self._heard.take(data)
+        frames = []
+        for frame in self._parser.feed(data):
+            if (frame.system_id, frame.component_id) != self._vehicle:
+                continue
+            if self._signing is not None and not self._signing.verify(frame):
+                continue
+            if frame.message_id == HEARTBEAT.message_id and not self._on_heartbeat(frame):
+                continue
+            if self.heartbeat is not None:  # until then it may be anybody
+                self.heard[frame.message_id] += 1
+                frames.append(frame)
         if self._signing is not None and self._signing.wanted:
             nonce = self._signing.challenge(time.monotonic())
             if nonce is not None:
                 self.send(mavlink.MAVLink_timesync_message(0, nonce))
-        for frame in frames:
-            if frame.message_id == HEARTBEAT.message_id:
-                if self.heartbeat is None:
-                    self._link.lock()
-                    self._hello()
-                self.heartbeat = frame
-                base_mode = HEARTBEAT.unpack(frame.payload)[HEARTBEAT.index("base_mode")]
-                self.armed = bool(base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-            self.heard[frame.message_id] += 1
         return frames
+
+    def _on_heartbeat(self, frame: Frame) -> bool:
+        """A heartbeat in the vehicle's name; whether it is of a PX4."""
+        if not is_px4(frame):
+            return False
+        if self.heartbeat is None:
+            self._link.lock()
+            self._hello()
+        self.heartbeat = frame
+        base_mode = HEARTBEAT.unpack(frame.payload)[HEARTBEAT.index("base_mode")]
+        self.armed = bool(base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        return True
 
     def send(self, message: Any) -> None:
         """Send a pymavlink message."""
@@ -118,7 +130,10 @@ class Client:
 
     def forward(self, frame: bytes) -> None:
         """Send a whole frame as it is, but for its signature."""
-        self._link.send(frame if self._signing is None else self._signing.sign(frame))
+        frame = frame if self._signing is None else self._signing.sign(frame)
+        if self.heartbeat is None:
+            self._heard.sent(frame)
+        self._link.send(frame)
 
     def give_way(self) -> None:
         """Beside a flight the processor is the flight's first."""
@@ -126,15 +141,17 @@ class Client:
             os.nice(_NICE)
 
     def connect(self) -> None:
-        """Wait for the vehicle's heartbeat. Raises `LinkError` when none comes in `link.connect_timeout_s`."""
+        """Wait for the vehicle's heartbeat.
+
+        Raises `LinkError`, which says what was heard instead, when none comes in `link.connect_timeout_s`.
+        """
         until_s = time.monotonic() + self._config.connect_timeout_s
         while self.heartbeat is None:
             self.frames()
             if time.monotonic() > until_s:
-                raise LinkError(
-                    f"{self.name}: no heartbeat of vehicle {self._vehicle[0]}/{self._vehicle[1]} within "
-                    f"{self._config.connect_timeout_s:g} s: check the link and vehicle.system_id"
-                )
+                signing = self._signing
+                refused = 0 if signing is None else signing.refused
+                raise LinkError(f"{self.name}: {self._heard.complaint(self._config.connect_timeout_s, refused)}")
 
     def _hello(self) -> None:
         """PX4 streams to whoever has talked to it. By a ping and not a heartbeat, which it would miss afterwards."""

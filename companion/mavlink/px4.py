@@ -6,14 +6,30 @@ https://mavlink.io/en/messages/common.html and development.html (CURRENT_MODE).
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Mapping
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
+
+from companion.errors import printable
 
 ATTITUDE_TYPE_MASK: Final = 0x07  # ignore the body rates only; the throttle-ignore bit would mean zero thrust
 
 _MAIN_AUTO = 4
+_PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
+_PARAM_NAME: Final = slice(8, 24)
+_PARAM_TYPE: Final = 24
+_PARAM_FORMATS: Final[Mapping[int, str]] = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
+}
 
 
 class Mode(IntEnum):
@@ -107,3 +123,31 @@ def heartbeat(status: int) -> Any:
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, status, 3
     )
+
+
+class Parameter(NamedTuple):
+    """PARAM_VALUE: one parameter as the vehicle stores it."""
+
+    name: str
+    value: int | float
+
+
+def parameter(payload: bytes) -> Parameter | None:
+    """A PARAM_VALUE; None for one of a type that PX4 does not have.
+
+    An int32 travels bytewise in the float field (https://mavlink.io/en/services/parameter.html#parameter-encoding), so
+    the four bytes are read as they came: as a float an int32 that looks like a NaN would not survive. A tool beside a
+    flight may ask for all of a thousand, so this is cheap.
+    """
+    payload = payload.ljust(_PARAM_VALUE_BYTES, b"\0")
+    layout = _PARAM_FORMATS.get(payload[_PARAM_TYPE])
+    if layout is None:
+        return None
+    (value,) = struct.unpack(layout, payload[:4])
+    name, _, _ = payload[_PARAM_NAME].partition(b"\0")
+    return Parameter(printable(name.decode("ascii", "replace")), value)
+
+
+def read_parameter(system_id: int, component_id: int, name: str) -> Any:
+    """PARAM_REQUEST_READ by name. PX4 answers one that it has not with silence, from v1.18 on with PARAM_ERROR."""
+    return mavlink.MAVLink_param_request_read_message(system_id, component_id, name.encode(), -1)

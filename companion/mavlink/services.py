@@ -1,10 +1,11 @@
-"""mavsdk 4 for what is not flying: firmware version, health and parameters, over our own link.
+"""mavsdk 4 for what is not flying: firmware version and health, over our own link.
 
 It is attached to our bytes by `raw://` and fed only what is not hot: a frame goes through its parser, its threads and
 its callbacks, which at 250 Hz costs more than our whole tick. What it wants to send is put into a queue by its threads
 and leaves through our link from ours. Never its `offboard` plugin, which resends the last set-point from a thread of
-its own, and never `arm_force`. Its heartbeat, which a raw connection cannot be told to do without, is dropped: the
-vehicle knows the companion by one heartbeat, the flying process's, and must not miss a tool's when that has ended.
+its own, and never `arm_force`; nor its `param`, which waits for 3 s for each parameter that a vehicle lacks. Its
+heartbeat, which a raw connection cannot be told to do without, is dropped: the vehicle knows the companion by one
+heartbeat, the flying process's, and must not miss a tool's when that has ended.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -161,25 +162,6 @@ class Services:
             "armable": told.is_armable,
         }
         return {name: bool(good) for name, good in names.items()}
-
-    def parameters(self, kinds: Mapping[str, type | None]) -> dict[str, int | float]:
-        """Parameters by name, each int or float, or None for whichever it is; what the vehicle lacks is left out.
-
-        PX4 answers an unknown name with silence, so that each of those costs mavsdk's patience, most of a second.
-        """
-        from mavsdk.plugins.param import Param, ParamError, ParamResult  # noqa: PLC0415
-
-        param = self._plugin(Param)
-        found: dict[str, int | float] = {}
-        for name, kind in kinds.items():
-            self._check()
-            try:
-                found[name] = param.get_param_float(name) if kind is float else param.get_param_int(name)
-            except ParamError as error:
-                if kind is None and error.result is ParamResult.WRONG_TYPE:
-                    found[name] = param.get_param_float(name)
-        self._check()
-        return found
 
     def _plugin(self, kind: Any) -> Any:
         if kind not in self._plugins:

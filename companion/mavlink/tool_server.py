@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout, decode_cold
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE, Pace
+from companion.mavlink.logs.protocol import DATA_BYTES, ON_A_LINE, Pace
 from companion.mavlink.socket_owner import ask_who_sends, receive, refusal
 
 # What is not hot: what a tool may want to know, and nothing that comes at the loop's rate.
@@ -38,6 +38,7 @@ COLD: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL,
         mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_PARAM_ERROR,
         mavlink.MAVLINK_MSG_ID_LOG_ENTRY,
         mavlink.MAVLINK_MSG_ID_LOG_DATA,
         mavlink.MAVLINK_MSG_ID_PING,

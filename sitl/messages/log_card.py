@@ -23,16 +23,29 @@ class Log(Protocol):
     def time_utc_s(self) -> int:
         """When it was changed last; 0 where the vehicle never knew the time."""
 
+    @property
+    def seek_s(self) -> float:
+        """How long the card takes to find it, each time that its logs are listed."""
+
+    @property
+    def told(self) -> bool:
+        """Whether its entry comes, where the logs are listed; it is counted all the same."""
+
 
 class LogFile(NamedTuple):
     """A log that is whole."""
 
     data: bytes
     time_utc_s: int  # of its last change; 0 where the vehicle never knew the time
+    seek_s: float = 0.0
+    told: bool = True
 
 
 class GrowingLog:
     """The log that is being written. `now_us` is the vehicle's time, `epoch_us` the wall's where that is zero."""
+
+    seek_s = 0.0
+    told = True
 
     def __init__(self, now_us: Callable[[], int], epoch_us: int) -> None:
         self._now_us, self._epoch_us, self._began_us = now_us, epoch_us, now_us()

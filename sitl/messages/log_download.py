@@ -4,8 +4,9 @@ Every 10 ms at most, and then as one burst, whatever was asked for: on UDP PX4 k
 request fills the receiver's socket before its reader wakes up. Data is served only once the logs have been listed, no
 request is checked for its target, an empty card and an unknown log are answered with silence, a request for no bytes
 with one packet, and the order of the list is the directory's, not that of time. A log that is being written is listed
-with the size of the moment and served as far as it has come. LOG_ERASE is not obeyed while armed: here the plant is
-kinder than PX4, which deletes.
+with the size of the moment and served as far as it has come. Each request for the list has the card looked through
+anew, and none of it comes before that is done; what has been asked meanwhile begins it again. LOG_ERASE is not obeyed
+while armed: here the plant is kinder than PX4, which deletes.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ class LogDownload:
         self._id = 0
         self._offset = self._end = 0
         self._next_us = 0
+        self._seek = False  # the card is to be looked through
 
     @property
     def sending(self) -> bool:
@@ -53,6 +55,7 @@ class LogDownload:
         self._listed = True
         self._end = self._offset
         self._list_next = message.start if message.start < len(self.logs) else None
+        self._seek = True
 
     def request_data(self, message: Any) -> None:
         """LOG_REQUEST_DATA: a new one takes the place of the last."""
@@ -77,12 +80,16 @@ class LogDownload:
 
     def send(self, now_us: int, pack: Callable[[Any], bytes], encode_data: Encode) -> list[bytes]:
         """The frames of one burst; none before its time. `pack` frames a message, `encode_data` takes wire values."""
-        if now_us < self._next_us:
+        if now_us < self._next_us and not self._seek:
             return []
         self._next_us = now_us + _SEND_INTERVAL_US
+        if self._list_next is not None and self._seek:
+            self._seek = False
+            self._next_us = now_us + max(round(1e6 * sum(log.seek_s for log in self.logs)), _SEND_INTERVAL_US)
+            return []
         if self._list_next is not None:
             first, self._list_next = self._list_next, None
-            return [pack(self._entry(index)) for index in range(first, len(self.logs))]
+            return [pack(self._entry(index)) for index in range(first, len(self.logs)) if self.logs[index].told]
         frames = []
         budget = _BURST_BYTES
         while self._offset < self._end and budget > 0:

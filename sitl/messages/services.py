@@ -16,7 +16,7 @@ from sitl.autopilot.autopilot import Autopilot, Notice
 from sitl.autopilot.modes import Severity
 from sitl.autopilot.parameters import HASH_NAME, Px4Version, WireParameter
 from sitl.autopilot.position_control import PositionControlSetpoint
-from sitl.messages import file_transfer
+from sitl.messages.file_transfer import FileTransfer
 from sitl.messages.link_commands import ANY, Commands
 from sitl.messages.log_card import Log
 from sitl.messages.log_download import LOG_DATA, LogDownload
@@ -67,6 +67,7 @@ class Services:
         self._unpack_setpoint = _SETPOINT.unpack
         self._on_attitude_target = autopilot.on_attitude_target
         self.logs = LogDownload([] if logs is None else logs)
+        self._files = FileTransfer(self.logs.logs, mav_log=autopilot.parameters.version is not Px4Version.V1_17)
         self._encode_log_data = Encoder(LOG_DATA, system_id, component_id).encode
         self.replies: list[bytes] = []
         self.commands = Commands(self, autopilot, streams)
@@ -201,17 +202,22 @@ class Services:
 
     def _file_transfer(self, frame: Frame, message: Any) -> None:
         if self.for_us(message):
-            payload = file_transfer.answer(bytes(message.payload), self.logs.logs)
+            payload = self._files.answer(bytes(message.payload), self._autopilot.time_us)
             self.send(
                 mavlink.MAVLink_file_transfer_protocol_message(0, frame.system_id, frame.component_id, list(payload))
             )
 
-    def _param_read(self, _: Frame, message: Any) -> None:
+    def _param_read(self, frame: Frame, message: Any) -> None:
         if self.for_us(message):
             parameters = self._autopilot.parameters
             by_name = message.param_index < 0
             found = parameters.wire(message.param_id) if by_name else parameters.wire_at(message.param_index)
             self.send_parameter(found)
+            if found is None and self._autopilot.parameters.version is not Px4Version.V1_17:  # which is silent
+                error = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+                place = -1 if by_name else message.param_index
+                name = message.param_id.encode() if by_name else b""
+                self.send(mavlink.MAVLink_param_error_message(frame.system_id, frame.component_id, name, place, error))
 
     def _param_list(self, _: Frame, message: Any) -> None:
         if self.for_us(message):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,16 @@ from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import load_config
-from companion.mavlink import ulog
 from companion.mavlink.client import Client
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_client import fetch, list_logs, newest
-from companion.mavlink.log_protocol import LOG_DATA
+from companion.mavlink.logs import ulog
+from companion.mavlink.logs.client import fetch, list_logs, newest
+from companion.mavlink.logs.protocol import LOG_DATA
 from companion.mavlink.services import Attachment, Firmware, Services
+from companion.mavlink.vehicle_report import read_parameters
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.parameters import Parameters, Px4Version
 from sitl.messages.log_card import LogFile, synthetic_log
 from sitl.wire.ports import UdpEndpoint
 
@@ -82,17 +86,29 @@ def test_version_health_and_parameters(client: Client, monkeypatch: pytest.Monke
         assert services.firmware() == Firmware((1, 17, 0), "release", services.firmware().git_hash)
         health = services.health()
         assert all(health[name] for name in ("local position", "armable")), health
-        found = services.parameters(
-            {"MC_ROLL_P": float, "COM_RCL_EXCEPT": None, "MC_PITCH_P": None, "COM_OF_LOSS_T": float}
-        )
-        assert found == {"MC_ROLL_P": 3.25, "COM_RCL_EXCEPT": -1, "MC_PITCH_P": 4.0, "COM_OF_LOSS_T": 1.0}
-        assert services.parameters({"NO_SUCH_PARAM": float}) == {}
+    found = read_parameters(client, ("MC_ROLL_P", "COM_RCL_EXCEPT", "MC_PITCH_P", "COM_OF_LOSS_T"))
+    assert found == {"MC_ROLL_P": 3.25, "COM_RCL_EXCEPT": -1, "MC_PITCH_P": 4.0, "COM_OF_LOSS_T": 1.0}
     frames = FrameParser().feed(b"".join(sent))
     assert {(frame.system_id, frame.component_id) for frame in frames} == {(1, 192)}
     numbers = {frame.message_id for frame in frames}
     assert mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ in numbers
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT not in numbers, "the vehicle must not miss a tool that has ended"
     assert mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET not in numbers
+
+
+@pytest.mark.parametrize(("version", "at_most_s"), [("1.17", 2.5), ("1.18", 1.0)])
+def test_what_the_vehicle_lacks_costs_one_silence_and_from_v1_18_on_none(version: str, at_most_s: float) -> None:
+    """mavsdk waits for 3 s, for each."""
+    lacking = [f"NO_SUCH_PARAM{number}" for number in range(12)]
+    pilot = Autopilot(quadrotor(), Parameters({"MC_ROLL_P": 3.25}, Px4Version(version)))
+    port = free_port()
+    with RunningPlant(pilot, endpoints=[UdpEndpoint(0, port)]):
+        client = Client(load_config(QUADROTOR), f"udpin://127.0.0.1:{port}")
+        client.connect()
+        began_s = time.monotonic()
+        assert read_parameters(client, [*lacking, "MC_ROLL_P"]) == {"MC_ROLL_P": 3.25}
+        assert time.monotonic() - began_s < at_most_s
+        client.close()
 
 
 def test_what_is_hot_is_not_fed(client: Client) -> None:
@@ -264,7 +280,7 @@ class LossyLink:
 def test_loss_is_made_good(client: Client, tmp_path: Path) -> None:
     client._link = lossy = LossyLink(client._link, 0.2)
     progress: list[int] = []
-    path = fetch(client, newest(list_logs(client)), tmp_path, progress.append)
+    path = fetch(client, newest(list_logs(client).entries)[-1], tmp_path, progress.append)
     assert lossy.dropped > 3
     assert path.read_bytes() == NEWEST.data
     assert ulog.extent(path).problem is None
@@ -276,7 +292,7 @@ def test_a_broken_download_is_continued(plant: RunningPlant, url: str, tmp_path:
     first = Client(load_config(QUADROTOR), url)
     try:
         first.connect()
-        entry = newest(list_logs(first))
+        entry = newest(list_logs(first).entries)[-1]
         first._link = LossyLink(first._link, 0.0, silent_after=30_000)
         with pytest.raises(LinkError, match="stopped sending its log at byte"):
             fetch(first, entry, tmp_path)
@@ -294,7 +310,7 @@ def test_a_broken_download_is_continued(plant: RunningPlant, url: str, tmp_path:
     try:
         second.connect()
         progress: list[int] = []
-        path = fetch(second, newest(list_logs(second)), tmp_path, progress.append)
+        path = fetch(second, newest(list_logs(second).entries)[-1], tmp_path, progress.append)
     finally:
         second.close()
     assert progress[0] == got, "nothing is fetched twice"

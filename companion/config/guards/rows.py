@@ -170,6 +170,11 @@ class Reason(ReasonRow):
         "the vehicle's PX4 or gains are not those its attitude response was identified with, or it does not tell them",
         "identify again, or set them back; they may have changed in stand-by",
     )
+    IMPLAUSIBLE = (
+        "implausible", Group.NEVER_BEGAN,
+        "the config makes no sense beside this vehicle: its hover thrust, or a rig's config on a vehicle that flies",
+        "`vehicle.hover_thrust` and MPC_THR_HOVER, `vehicle.kind`; `--anyway` insists",
+    )
     SECOND_COMPANION = (
         "second_companion", Group.NEVER_BEGAN,
         "another companion is there, or somebody else streams to the vehicle: stop one of the two", "",

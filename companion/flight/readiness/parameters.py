@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
+from companion.config.numbers import shortest
 from companion.flight.vehicle_link.messages import Parameter
 from companion.flight.vehicle_link.requests import ReadParameter
 
@@ -43,7 +44,7 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         if self.found is None:
             return f"the vehicle does not tell {self.name}"
-        return f"{self.name} is {self.found:g}, was {self.expected:g}"
+        return f"{self.name} is {shortest(self.found)}, was {shortest(self.expected)}"
 
 
 class ParameterReader:

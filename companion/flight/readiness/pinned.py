@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from companion.config.numbers import shortest
 from companion.config.schema import Config
 from companion.flight.readiness.parameters import (
     GAINS,
@@ -88,7 +89,7 @@ class Pinned:
         lines = []
         if self._compare:
             version = "unknown version" if self._version is None else "{}.{}.{}".format(*self._version)
-            pins = ", ".join(f"{name} {value:.7g}" for name, value in self._pinned.items())
+            pins = ", ".join(f"{name} {shortest(value)}" for name, value in self._pinned.items())
             gains = f"pinned as read: {pins}" if pins else "its gains are as the config says"
             lines.append(f"PX4 {version}; {gains}")
         if self._hover_wanted and self.hover_thrust is None:

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from companion.config import Config
+from companion.config.numbers import shortest
 from companion.flight.readiness.parameters import response_parameters, same, same_version
 
 Found = Mapping[str, float]
@@ -48,20 +49,19 @@ _LONGEST_LOSS_S: Final = 1.0
 _DANGEROUS_LOSS_S: Final = 2.0
 
 
-def kinds(version: Version) -> Mapping[str, type]:
-    """The parameters that matter and that PX4 of this version has, and their types."""
-    by_speed = version[:2] >= _OVERRIDE_BY_SPEED
-    return {
-        "MPC_THR_HOVER": float,
-        **dict.fromkeys(response_parameters(version), float),
-        "COM_OF_LOSS_T": float,
-        "COM_OBL_RC_ACT": int,
-        "COM_RC_IN_MODE": int,
-        "NAV_RCL_ACT": int,
-        "COM_RCL_EXCEPT": int,
-        **({"MAN_OVERRIDE_SPD": float} if by_speed else {"COM_RC_OVERRIDE": int}),
-        "NAV_DLL_ACT": int,
-    }
+def wanted(version: Version) -> tuple[str, ...]:
+    """The parameters that matter and that PX4 of this version has."""
+    return (
+        "MPC_THR_HOVER",
+        *response_parameters(version),
+        "COM_OF_LOSS_T",
+        "COM_OBL_RC_ACT",
+        "COM_RC_IN_MODE",
+        "NAV_RCL_ACT",
+        "COM_RCL_EXCEPT",
+        "MAN_OVERRIDE_SPD" if version[:2] >= _OVERRIDE_BY_SPEED else "COM_RC_OVERRIDE",
+        "NAV_DLL_ACT",
+    )
 
 
 def judge(
@@ -82,7 +82,7 @@ def judge(
 def judge_parameters(config: Config, version: Version, found: Found) -> list[Setting]:
     """A row for each parameter that matters, and for each that `vehicle.parameters` states."""
     rows = []
-    for name in dict.fromkeys((*kinds(version), *config.vehicle.parameters)):
+    for name in dict.fromkeys((*wanted(version), *config.vehicle.parameters)):
         value = found.get(name)
         stated = config.vehicle.parameters.get(name)
         if value is None:
@@ -92,18 +92,18 @@ def judge_parameters(config: Config, version: Version, found: Found) -> list[Set
             rows.append(
                 Setting(
                     name,
-                    f"{value:g}",
+                    shortest(value),
                     Verdict.DIFFERS,
-                    f"it was {stated:g} when the response was identified: the certificate is stale; "
+                    f"it was {shortest(stated)} when the response was identified: the certificate is stale; "
                     f"set it back, or identify and check again",
                 )
             )
         elif name in _RULES:
             rows.append(Setting(name, *_RULES[name](config, value, found)))
         elif stated is None:
-            rows.append(Setting(name, f"{value:g}", Verdict.FINE, "not compared"))
+            rows.append(Setting(name, shortest(value), Verdict.FINE, "not compared"))
         else:
-            rows.append(Setting(name, f"{value:g}", Verdict.FINE, "as identified"))
+            rows.append(Setting(name, shortest(value), Verdict.FINE, "as identified"))
     return rows + [_rate(config, name, value) for name, value in found.items() if name.endswith("_RATE")]
 
 

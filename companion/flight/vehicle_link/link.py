@@ -19,7 +19,7 @@ from companion.flight.vehicle_link import live_command, modes, requests
 from companion.flight.vehicle_link.arrivals import Arrivals, without_overtaken
 from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.flight.vehicle_link.link_delay import TIMESYNC, LinkDelay
-from companion.flight.vehicle_link.messages import ROWS, Heartbeat, ModeReport
+from companion.flight.vehicle_link.messages import COMMAND_ACK, ROWS, Answer, Heartbeat, ModeReport, answer
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.flight.vehicle_link.requests import CURRENT_MODE, HEARTBEAT, Request
 from companion.flight.vehicle_link.rivals import KEPT, SET_ATTITUDE_TARGET, is_echo, recognise
@@ -27,6 +27,7 @@ from companion.flight.vehicle_link.trust import Trust
 from companion.mavlink import px4
 from companion.mavlink.codec import Encoder, Frame, FrameParser
 from companion.mavlink.freshness import FreshSigning
+from companion.mavlink.heard import Heard, is_px4
 from companion.mavlink.link import Link, LinkError
 from companion.record.recorder import RECEIVED, SENT, Recorder
 
@@ -36,7 +37,6 @@ _sample_time = ODOMETRY.only("time_usec").unpack_from
 
 _BASE_MODE = HEARTBEAT.index("base_mode")
 _HEARTBEAT_MODE = HEARTBEAT.index("custom_mode")
-_AUTOPILOT = HEARTBEAT.index("autopilot")
 _SYSTEM_STATUS = HEARTBEAT.index("system_status")
 _CURRENT_MODE = CURRENT_MODE.index("custom_mode")
 _INTENDED_MODE = CURRENT_MODE.index("intended_custom_mode")
@@ -84,8 +84,10 @@ class VehicleLink:
             CURRENT_MODE.message_id: self._on_current_mode,
             TIMESYNC.message_id: self._on_timesync,
             **{row.message_id: _of_payload(row.decode) for row in ROWS},
+            COMMAND_ACK.message_id: self._on_answer,
         }
         self.heard: list[Frame] = []
+        self._strangers = Heard(self._vehicle, self._own, stream=link.stream)
         self.foreign = self.echoed = 0
         self._rival: str | None = None
         self.connected = False
@@ -132,6 +134,8 @@ class VehicleLink:
     def _frames(self, data: bytes) -> list[Frame]:
         """The autopilot's frames in `data`, recorded."""
         kept = []
+        if not self.connected:
+            self._strangers.take(data)
         signing, time_us = self._signing, self._clock.stamp_us
         for frame in self._parser.feed(data):
             number, system, component, _, payload, raw = frame
@@ -189,17 +193,14 @@ class VehicleLink:
             f"{signing.unproven} unproven"
         )
 
-    def doubt(self) -> str:
-        """For a person who waits for a vehicle: what was heard instead of it; empty for nothing."""
-        refused = 0 if self._signing is None else self._signing.refused
-        if refused:
-            return f"{refused} frames in its name were not signed by link.signing_key_file, or are old"
-        return f"{self.foreign} frames of others were heard" if self.foreign else ""
+    def no_vehicle(self, patience_s: float) -> str:
+        """Why there is none after so long, as one line: what was heard instead of it."""
+        return self._strangers.complaint(patience_s, 0 if self._signing is None else self._signing.refused)
 
     def _on_heartbeat(self, frame: Frame) -> Heartbeat | None:
-        values = HEARTBEAT.unpack(frame.payload)
-        if values[_AUTOPILOT] != mavlink.MAV_AUTOPILOT_PX4:
+        if not is_px4(frame):
             return None
+        values = HEARTBEAT.unpack(frame.payload)
         self.mode_reports += 1
         if values[_HEARTBEAT_MODE] != self.mode:
             self.mode = values[_HEARTBEAT_MODE]
@@ -217,6 +218,10 @@ class VehicleLink:
         self.mode_reports += 1
         self.intended_mode = values[_INTENDED_MODE] or None
         return ModeReport(self.mode != before, self.intended_mode is not None)
+
+    def _on_answer(self, frame: Frame) -> Answer | None:
+        answered = answer(frame.payload)
+        return answered if answered.is_for(self._own) else None
 
     def _on_timesync(self, frame: Frame) -> None:
         self.delay.answered(frame, self._clock.elapsed_s())
@@ -283,6 +288,8 @@ class VehicleLink:
         count = self._count
         self._sent[count % KEPT] = frame
         self._count = count + 1
+        if not self.connected:
+            self._strangers.sent(frame)
         self._link.send(frame)
         self._record(SENT, time_us, frame)
 

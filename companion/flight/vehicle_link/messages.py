@@ -7,15 +7,16 @@ Source: https://mavlink.io/en/messages/common.html
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.errors import printable
 from companion.mavlink.codec import Layout
+from companion.mavlink.px4 import Parameter, parameter
+
+__all__ = ["Parameter", "parameter"]
 
 ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
@@ -26,19 +27,8 @@ _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
 _LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
+_TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
 _VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
-_PARAM_VALUE_BYTES: Final = 25  # value, how many there are, which it is, name, type
-_PARAM_NAME: Final = slice(8, 24)
-_PARAM_TYPE: Final = 24
-_PARAM_FORMATS: Final[Mapping[int, str]] = {
-    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
-    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
-    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
-    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
-    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
-    mavlink.MAV_PARAM_TYPE_INT32: "<i",
-    mavlink.MAV_PARAM_TYPE_REAL32: "<f",
-}
 
 
 class Heartbeat(NamedTuple):
@@ -74,13 +64,6 @@ class LandedState(NamedTuple):
     landed: bool
 
 
-class Parameter(NamedTuple):
-    """PARAM_VALUE: one parameter as the vehicle stores it."""
-
-    name: str
-    value: int | float
-
-
 class Firmware(NamedTuple):
     """AUTOPILOT_VERSION: major, minor and patch of the autopilot's software."""
 
@@ -97,8 +80,13 @@ class Command(IntEnum):
 class Answer(NamedTuple):
     """COMMAND_ACK. PX4 accepts a mode first and decides afterwards, so the last answer counts."""
 
-    command: int  # see Command; others' commands are answered too
+    command: int  # see Command
     result: int  # see companion.flight.vehicle_link.modes.Result
+    target: tuple[int, int] = (0, 0)  # system and component that it is for; 0 any
+
+    def is_for(self, own: tuple[int, int]) -> bool:
+        """Whether it answers us. On a shared link everybody's answers are heard."""
+        return all(wanted in (0, ours) for wanted, ours in zip(self.target, own, strict=True))
 
 
 class Row(NamedTuple):
@@ -122,22 +110,6 @@ def landed_state(payload: bytes) -> LandedState | None:
     return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND)
 
 
-def parameter(payload: bytes) -> Parameter | None:
-    """A PARAM_VALUE; None for one of a type that PX4 does not have.
-
-    An int32 travels bytewise in the float field (https://mavlink.io/en/services/parameter.html#parameter-encoding), so
-    the four bytes are read as they came: as a float an int32 that looks like a NaN would not survive. A tool beside a
-    flight may ask for all of a thousand, so this is cheap.
-    """
-    payload = payload.ljust(_PARAM_VALUE_BYTES, b"\0")
-    layout = _PARAM_FORMATS.get(payload[_PARAM_TYPE])
-    if layout is None:
-        return None
-    (value,) = struct.unpack(layout, payload[:4])
-    name, _, _ = payload[_PARAM_NAME].partition(b"\0")
-    return Parameter(printable(name.decode("ascii", "replace")), value)
-
-
 def firmware(payload: bytes) -> Firmware:
     """An AUTOPILOT_VERSION. Its lowest byte says whether it is a release; that is left out."""
     number = AUTOPILOT_VERSION.unpack(payload)[_VERSION]
@@ -147,7 +119,7 @@ def firmware(payload: bytes) -> Firmware:
 def answer(payload: bytes) -> Answer:
     """A COMMAND_ACK."""
     values = COMMAND_ACK.unpack(payload)
-    return Answer(values[_COMMAND], values[_RESULT])
+    return Answer(values[_COMMAND], values[_RESULT], (values[_TARGET[0]], values[_TARGET[1]]))
 
 
 ROWS: Final = (

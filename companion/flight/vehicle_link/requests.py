@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from companion.flight.vehicle_link.messages import AUTOPILOT_VERSION, ROWS
 from companion.flight.vehicle_link.modes import Mode
 from companion.flight.vehicle_link.odometry import PoseSource
@@ -69,7 +67,7 @@ def encode(request: Request, ids: tuple[int, int], pose: PoseSource) -> list[Any
         case TellFirmware():
             return [px4.request_message(*ids, AUTOPILOT_VERSION.message_id)]
         case ReadParameter(name):
-            return [mavlink.MAVLink_param_request_read_message(*ids, name.encode(), -1)]
+            return [px4.read_parameter(*ids, name)]
         case Stream(odometry_hz):
             rates = [(CURRENT_MODE.message_id, _MODE_HZ)]
             rates += [(row.message_id, row.rate_hz) for row in ROWS if row.rate_hz is not None]

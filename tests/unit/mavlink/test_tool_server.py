@@ -17,7 +17,7 @@ from companion.mavlink import px4
 from companion.mavlink.client import open_shared
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.link import LinkError
-from companion.mavlink.log_protocol import DATA_BYTES, ON_A_LINE
+from companion.mavlink.logs.protocol import DATA_BYTES, ON_A_LINE
 from companion.mavlink.socket_owner import refusal
 from companion.mavlink.tool_client import ToolLink, tool_socket, tool_sockets
 from companion.mavlink.tool_server import COLD, ToolServer, question

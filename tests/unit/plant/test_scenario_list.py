@@ -20,7 +20,7 @@ from sitl.scenarios.verdict import problems, worst_error_m
 
 CONFIGS = Path(__file__).resolve().parents[3] / "config"
 # No fault of vehicle, link or actors makes these: tests of the flight process do.
-ELSEWHERE = {Reason.SETPOINT_INVALID, Reason.INTERNAL_ERROR}
+ELSEWHERE = {Reason.SETPOINT_INVALID, Reason.INTERNAL_ERROR, Reason.IMPLAUSIBLE}
 
 
 def test_there_are_enough_of_them_with_names_of_their_own() -> None:

@@ -64,7 +64,7 @@ def test_what_was_typed_arrives_in_the_record() -> None:
     _, arguments = read_command_line(
         ["run", "a.yaml", "--set", "b.c=1", "--identify", "--no-hedging", "--link", "udpin://0.0.0.0:1"]
     )
-    assert arguments.config == (Path("a.yaml"), ("mission={identification: {}}", "b.c=1"))
+    assert arguments.config == (Path("a.yaml"), ("mission={identification: {}}", "b.c=1"), False)
     assert (arguments.hedging, arguments.link, arguments.engage) == (False, "udpin://0.0.0.0:1", False)
 
 

@@ -13,6 +13,7 @@ logs have been listed, and answers a vehicle without logs with silence. https://
 from __future__ import annotations
 
 import math
+import re
 from datetime import UTC, datetime
 from typing import Any, Final, NamedTuple
 
@@ -25,27 +26,45 @@ LOG_ENTRY: Final = Layout("LOG_ENTRY")
 LOG_DATA: Final = Layout("LOG_DATA")
 
 _ALL: Final = 0xFFFF
+_PARTS: Final = re.compile(r"([0-9]+)|([^0-9]+)")
+_CLOCK_SET_S: Final = 1_234_567_890  # PX4's own bound (`logger/util.cpp`): before it, its clock was not set
 _LIST_SILENCE_S: Final = 1.0
-_LIST_PATIENCE_S: Final = 4.0
-_REST_PATIENCE_S: Final = 10.0  # once a list has begun
+_LONGEST_SILENCE_S: Final = 8.0
+_LIST_PATIENCE_S: Final = 20.0  # a slow card with many logs takes longer than 6 s to begin
+_REST_PATIENCE_S: Final = 10.0  # without an entry that is new, once a list has begun
 _DATA_SILENCE_S: Final = 0.25
-_DATA_PATIENCE_S: Final = 5.0
+_DATA_PATIENCE_S: Final = 10.0
 
 
 class LogEntry(NamedTuple):
     """One log on the vehicle. Its id holds only until the next list: what names it is when it was written, and size."""
 
-    id: int
+    id: int  # in the order of the list
     size_bytes: int
-    time_utc_s: int  # of the last write; 0 where the vehicle did not know the time
+    time_utc_s: int  # of the last write, by the vehicle's clock, which may not have been set: see `dated`
+    path: str = ""  # below `@MAV_LOG`, where the vehicle has told it
+
+    @property
+    def dated(self) -> bool:
+        """Whether its time is one. Without GPS, PX4's clock begins in 1970, or in 1980 or 2000 on a card or a board."""
+        return self.time_utc_s >= _CLOCK_SET_S
+
+    @property
+    def order(self) -> tuple[bool, int, tuple[tuple[int, str], ...], int]:
+        """Sorts logs from the oldest on, those without a time first: by PX4's count of sessions, or as listed."""
+        if self.dated:
+            return True, self.time_utc_s, (), self.id
+        numbers = tuple((int(digits), "") if digits else (0, other) for digits, other in _PARTS.findall(self.path))
+        return False, 0, numbers, self.id
 
     @property
     def file_name(self) -> str:
         """A name that another log does not have: the same one grown longer has another."""
-        if not self.time_utc_s:
-            return f"log_{self.id:03d}_{self.size_bytes}.ulg"
-        written = datetime.fromtimestamp(self.time_utc_s, UTC)
-        return f"{written:%Y-%m-%d_%H-%M-%S}_{self.size_bytes}.ulg"
+        if self.dated:
+            written = datetime.fromtimestamp(self.time_utc_s, UTC)
+            return f"{written:%Y-%m-%d_%H-%M-%S}_{self.size_bytes}.ulg"
+        name = re.sub(r"[^A-Za-z0-9_-]", "_", self.path.removesuffix(".ulg")) or f"log_{self.id:03d}"
+        return f"{name}_{self.size_bytes}.ulg"
 
 
 class Pace(NamedTuple):
@@ -63,7 +82,10 @@ ON_A_NETWORK: Final = Pace(16, 0.02)  # 72 kB/s
 
 
 class LogList:
-    """The list of logs, whatever the link loses.
+    """The list of logs, whatever the link loses and however slow the card is.
+
+    A vehicle may begin its list anew at each request, so it is asked the more seldom the less comes of it. Entries may
+    never come, or only those that are known already: the patience is for what is new.
 
     Attributes: `entries` by id; `total` as the vehicle tells it, None until it has told.
     """
@@ -71,7 +93,9 @@ class LogList:
     def __init__(self, system_id: int, component_id: int) -> None:
         self._ids = (system_id, component_id)
         self._began_s: float | None = None
-        self._asked_s = self._heard_s = -math.inf
+        self._asked_s = self._heard_s = self._new_s = -math.inf
+        self._silence_s = _LIST_SILENCE_S
+        self._most = 0  # entries ever known at a time
         self.entries: dict[int, LogEntry] = {}
         self.total: int | None = None
 
@@ -83,14 +107,18 @@ class LogList:
     def over(self, now_s: float) -> bool:
         """Whether there is nothing left to wait for. Silence means no logs, or a vehicle that serves none."""
         patience_s = _LIST_PATIENCE_S if self.total is None else _REST_PATIENCE_S
-        return self.done or (self._began_s is not None and now_s - max(self._heard_s, self._began_s) > patience_s)
+        return self.done or (self._began_s is not None and now_s - max(self._new_s, self._began_s) > patience_s)
 
     def requests(self, now_s: float) -> list[Any]:
         """LOG_REQUEST_LIST from the first that is missing on, after a silence."""
-        if self.over(now_s) or now_s - max(self._asked_s, self._heard_s) < _LIST_SILENCE_S:
+        if self.over(now_s) or now_s - max(self._asked_s, self._heard_s) < self._silence_s:
             return []
         if self._began_s is None:
             self._began_s = now_s
+        elif self._new_s > self._asked_s:
+            self._silence_s = _LIST_SILENCE_S
+        else:
+            self._silence_s = min(2.0 * self._silence_s, _LONGEST_SILENCE_S)
         self._asked_s = now_s
         first = next((number for number in range(self.total or 0) if number not in self.entries), 0)
         return [mavlink.MAVLink_log_request_list_message(*self._ids, first, _ALL)]
@@ -99,16 +127,23 @@ class LogList:
         """A LOG_ENTRY."""
         time_utc, size, number, total, _ = LOG_ENTRY.unpack(frame.payload)
         self._heard_s = now_s
+        if total != self.total:  # another list: what a number stands for is another log
+            self.entries.clear()
         self.total = total
         if total:
             self.entries[number] = LogEntry(number, size, time_utc)
+        if len(self.entries) > self._most:
+            self._most, self._new_s = len(self.entries), now_s
 
 
 class LogFetch:
     """One log, from `start` (what is on disk already) to its end.
 
-    Attributes: `offset` up to which it is complete; `repeated` requests for what was lost.
+    Attributes: `offset` up to which it is complete; `repeated` requests for what was lost; `message_id` of what it
+    takes.
     """
+
+    message_id: Final = LOG_DATA.message_id
 
     def __init__(self, system_id: int, component_id: int, entry: LogEntry, start: int = 0, pace: Pace = ALONE) -> None:
         self._ids = (system_id, component_id)
@@ -160,7 +195,8 @@ class LogFetch:
             return b""  # of another log, of an earlier request, or had already
         self._heard_s = now_s
         self._finished = self._finished or offset == self._last_asked
-        self._beyond[offset] = bytes(data[: min(count, self._entry.size_bytes - offset)])  # it may have grown since
+        # A log that has grown since it was listed ends in a whole packet.
+        self._beyond[offset] = bytes(data[: min(count, self._entry.size_bytes - offset)])
         begin = self.offset
         parts = []
         while (part := self._beyond.pop(self.offset, None)) is not None:
