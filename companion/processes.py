@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing import get_context
 from typing import Any, Final, ParamSpec, TypeVar
+
+from companion.safe_path import safe_environment
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -19,7 +23,8 @@ class Processes:
 
     def __init__(self, elsewhere: bool) -> None:
         # Spawned: a forked child would inherit the threads' locks of the progress bar.
-        self._pool = get_context("spawn").Pool(_PROCESSES, _leave_interrupts) if elsewhere else None
+        with _safe_children():
+            self._pool = get_context("spawn").Pool(_PROCESSES, _leave_interrupts) if elsewhere else None
 
     def __enter__(self) -> Processes:
         return self
@@ -42,6 +47,18 @@ class Processes:
             return answer
 
         return result
+
+
+@contextlib.contextmanager
+def _safe_children() -> Iterator[None]:
+    """Whoever is started meanwhile begins without the current directory on its path."""
+    before = dict(os.environ)
+    os.environ.update(safe_environment())
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _leave_interrupts() -> None:

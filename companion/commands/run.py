@@ -12,6 +12,7 @@ from companion.certify.from_config import certificate_path
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
 from companion.config.mission.identifying import as_flown, in_a_line
+from companion.errors import printable
 from companion.flight.authority.states import ORDINARY, Reason
 from companion.flight.host.runtime import Summary
 from companion.flight.host.service import Notifier, prepare_process
@@ -86,7 +87,7 @@ def run(arguments: Arguments) -> int:
     if warning is not None and not arguments.uncertified:
         raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:
-        print(f"companion: UNCERTIFIED FLIGHT: {warning}", file=sys.stderr)
+        print(f"companion: UNCERTIFIED FLIGHT: {printable(warning)}", file=sys.stderr)
     link = open_link(arguments.link or config.link.url)
     try:
         folder = new_folder(arguments.out, config_path.stem)
@@ -126,12 +127,12 @@ def run(arguments: Arguments) -> int:
             terminal.close()
             complaint = recorder.close()
             if complaint is not None:
-                print(f"companion: {complaint}", file=sys.stderr)
+                print(f"companion: {printable(complaint)}", file=sys.stderr)
     finally:
         link.close()
     code = exit_code(summary)
     if code == _NEVER_ENGAGED:
-        print(f"companion: {summary.detail}", file=sys.stderr)
+        print(f"companion: {printable(summary.detail)}", file=sys.stderr)
     else:
         print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
     return code

@@ -105,6 +105,8 @@ class FlightProcess:
             announce("uncertified", self._warning)
         if self._bench:
             announce("bench", "BENCH: propellers off? control begins on the ground too", To.LOG | To.PERSON)
+        for remark in self._link.remarks:
+            announce("signing", remark, To.LOG | To.PERSON)
         announce(_CONNECTING.name.lower(), "link, waiting for vehicle {}/{}".format(*flight.ids))
         with quiet_memory(), stop_signals(self.stop):
             try:
@@ -122,6 +124,9 @@ class FlightProcess:
         detail = describe_ending(flight)
         if not self._lockstep:  # there, how many came after the end is chance
             announce("traffic", flight.link.tally())
+        complaint = flight.link.close()
+        if complaint is not None:
+            announce("signing", complaint, To.LOG | To.PERSON)
         announce(f"released_{reason.value}", detail, To.LOG | To.PERSON, line=f"released: {reason.value} ({detail})")
         return Summary(reason, detail, flight.engaged, flight.pilot.elapsed_s, flight.ticks, taken_by_failsafe(flight))
 

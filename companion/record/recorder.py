@@ -12,10 +12,11 @@ import os
 import select
 import struct
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Final
+
+from companion.safe_path import child_environment, python_command
 
 TICK: Final = 1
 RECEIVED: Final = 2
@@ -46,7 +47,10 @@ class Recorder:
             with contextlib.suppress(OSError):
                 fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "companion.record.writer", str(folder)], stdin=read_end, start_new_session=True
+                python_command("companion.record.writer", str(folder)),
+                stdin=read_end,
+                start_new_session=True,
+                env=child_environment(),
             )  # a session of its own: Ctrl-C stops the flight, and the writer when the pipe ends
         finally:
             os.close(read_end)

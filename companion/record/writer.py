@@ -20,6 +20,7 @@ from typing import IO
 from mcap.writer import CompressionType, Writer
 
 from companion import __version__
+from companion.errors import printable
 from companion.record import schema
 from companion.record.recorder import EVENT, RECEIVED, RECORD_HEADER, SENT, TICK
 
@@ -72,7 +73,7 @@ class _File:
 
     def fail(self, error: OSError) -> None:
         self.failed = True
-        print(f"{self.name}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
+        print(f"{printable(self.name)}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
 
 
 def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:

@@ -8,7 +8,6 @@ import queue
 import select
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -25,6 +24,7 @@ from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
 from companion.record.reader import Flight, read_flight
+from companion.safe_path import child_environment, python_command
 from sitl.metrics import Metrics, score
 
 _READY_S = 20.0
@@ -70,7 +70,7 @@ def plant(
     config_path: Path, overrides: tuple[str, ...], *, lockstep: bool, port: int
 ) -> Iterator[tuple[int, subprocess.Popen[str]]]:
     """A plant in a process of its own; yields the UDP port it listens on, and the process. Raises `ExperimentError`."""
-    arguments = [sys.executable, "-m", "companion", "sitl", str(config_path), "--serve", "--port", str(port)]
+    arguments = python_command("companion", "sitl", str(config_path), "--serve", "--port", str(port))
     arguments += ["--lockstep"] if lockstep else []
     for override in overrides:
         arguments += ["--set", override]
@@ -81,7 +81,7 @@ def plant(
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        env={**child_environment(), "PYTHONUNBUFFERED": "1"},
     )
     assert process.stdout is not None
     assert process.stderr is not None

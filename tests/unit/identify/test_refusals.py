@@ -206,6 +206,7 @@ def test_files_that_are_no_logs(cut: Cut, tmp_path: Path, capsys: pytest.Capture
         "text": (b"this is no log at all, it is text\n" * 99, r"not a log: a ULog"),
         "zeros": (bytes(4096), r"not a log"),
         "ulog header": (ulog[:16], r"truncated: nothing whole is behind its header"),
+        "cut in its flags": (ulog[:23], r"truncated: nothing whole is behind its header"),
         "a quarter of a ulog": (
             ulog[: len(ulog) // 4 + 1],
             rf"too little excitation.*{FLY}.* \(\S+: the end is cut at byte \d+ of \d+ ",
@@ -296,6 +297,15 @@ def test_another_vehicle(cut: Cut, one_axis: Path, tmp_path: Path, capsys: pytes
         )
     )
     assert "wrong vehicle: set-points go to system 1, attitude comes from 3" in refused(capsys, other)
+
+
+def test_a_frame_inside_a_damaged_one_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Found by fuzzing: it ended in a traceback."""
+    inner = frame("COMMAND_LONG", (1, 191))
+    outer = b"\xfd" + bytes([len(inner), 0, 0, 0, 1, 1, 31, 0, 0]) + inner + b"\0\0"
+    path = tmp_path / "damaged.tlog"
+    path.write_bytes(tlog([(0.0, outer)]))
+    assert "no attitude" in refused(capsys, path)
 
 
 def test_tlogs_that_tell_too_little(one_axis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
