@@ -12,7 +12,7 @@ from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Event, Flight, tick_dtype
 from sitl.autopilot.modes import FlightMode
-from sitl.scenarios import actors, faults
+from sitl.scenarios import actors, faults, lies
 from sitl.scenarios.index import ALL, by_name, pick
 from sitl.scenarios.observer import Account, Change
 from sitl.scenarios.scenario import QUADROTOR, Flown, Scenario
@@ -37,7 +37,7 @@ def test_every_fault_of_the_vocabulary_is_used() -> None:
     used = {type(what) for scenario in ALL for what in (*scenario.before, *(w for _, w in scenario.happens))}
     vocabulary = {
         kind
-        for module in (faults, actors)
+        for module in (faults, actors, lies)
         for _, kind in inspect.getmembers(module, inspect.isclass)
         if kind.__module__ == module.__name__
     }
