@@ -30,7 +30,7 @@ class Kind(StrEnum):
     SLIDE = "slide"  # it goes away by `size` a second, alone
     STEP = "step"  # it steps by `size` every second
     SCALE = "scale"  # what it changes by is `size` times what is true
-    DELAY = "delay"  # it is `size` seconds old
+    DELAY = "delay"  # it grows `size` seconds old, half a second in each
     MIX = "mix"  # it is swapped with that of another axis
 
 
@@ -66,7 +66,7 @@ class Liar:
     def _told(self, true: list[float], began: list[float], time_s: float, passed_s: float) -> list[float]:
         kind, _, size = self._lie
         told = list(true)
-        past = self._delayed(true, time_s, size) if kind is Kind.DELAY else true
+        past = self._delayed(true, time_s, min(size, 0.5 * passed_s)) if kind is Kind.DELAY else true
         for place in self._places:
             leans = place < 8  # the heading does not go away
             if kind is Kind.STUCK:

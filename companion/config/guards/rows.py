@@ -319,7 +319,7 @@ class Guards(Section):
             description="what velocity changes beyond attitude, thrust and steady wind, leaking with 1 s; on its "
             "worst axis"
         ),
-    ] = GuardSection(limit=2.5, timeout_s=0.5)
+    ] = GuardSection(limit=4.0, timeout_s=0.5)
     attitude_response_deg: Annotated[
         GuardSection,
         Row(Reason.ATTITUDE_RESPONSE, "deg", blind=Blind("a transfer function"), certified=True),

@@ -22,7 +22,7 @@ from companion.control import attitude
 from companion.control.position import PositionOutput
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.guards.attitude_response import ResponseBand, ends
-from companion.flight.guards.propagation import SLIDE_S, Disagreement
+from companion.flight.guards.propagation import LONG_S, Disagreement
 
 PERIOD_S: Final = 0.02  # from one look to the next
 _SATURATION_S: Final = 1.0  # over which its share is taken
@@ -108,8 +108,8 @@ def largest_slide_m(config: Config) -> float:
     deviation of ``s tau sqrt(T / (T + tau))``.
     """
     given = config.guards.position_slide_m.limit
-    error, leak_s = PRESETS["gps"] if config.estimator is None else config.estimator.velocity_error, SLIDE_S[1]
-    return given or _DEVIATIONS * error.deviation_m_s * leak_s * math.sqrt(error.time_s / (error.time_s + leak_s))
+    error = PRESETS["gps"] if config.estimator is None else config.estimator.velocity_error
+    return given or _DEVIATIONS * error.deviation_m_s * LONG_S * math.sqrt(error.time_s / (error.time_s + LONG_S))
 
 
 def most_steps_m(config: Config) -> float:

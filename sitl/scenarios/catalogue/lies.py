@@ -82,9 +82,9 @@ LIES: Final = (
     ),
     Scenario(
         "drift_sudden",
-        "position and velocity agree that it flies away at 5 m/s, which no thrust has made",
+        "position and velocity agree that it sinks at 9 m/s, which no thrust has made",
         Reason.UNEXPLAINED_MOTION,
-        (_WIND, (3.0, TellLie(Kind.DRIFT, ("z",), 5.0)),),
+        (_WIND, (3.0, TellLie(Kind.DRIFT, ("z",), 9.0)),),
         overrides=(
             *NOISY,
             "guards.fence.enabled=false",
