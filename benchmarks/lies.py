@@ -58,6 +58,8 @@ TOGETHER: Final = {  # more than one quantity, or another size
     "stuck.y+vy": (TellLie(Kind.STUCK, ("y", "vy")),),
     "stuck.z+vz": (TellLie(Kind.STUCK, ("z", "vz")),),
     "stuck.position": (TellLie(Kind.STUCK, POSITION), TellLie(Kind.NOISE, VELOCITY, 0.01)),
+    "still.x+vx": (TellLie(Kind.NOISE, ("x", "vx"), 0.02),),
+    "still.z+vz": (TellLie(Kind.NOISE, ("z", "vz"), 0.02),),
     "slide_fast.x": (TellLie(Kind.SLIDE, ("x",), 1.5),),
     "slide_fast.z": (TellLie(Kind.SLIDE, ("z",), -1.0),),
     "scale_up.x": (TellLie(Kind.SCALE, ("x",), 2.0),),
@@ -73,6 +75,8 @@ def unseen(name: str) -> str | None:
     kind, of, _, preset = name.split(".")
     if kind == "drift" and of != "attitude":
         return "position and velocity agree, and it begins as slowly as wind"
+    if kind == "still":
+        return "position and velocity agree that it stands still in a wind that it leans against"
     if kind == "slide" and of in POSITION[:2] and preset == "gps":
         return "slower than what GPS itself is wrong by"
     return None
