@@ -93,12 +93,13 @@ class Variance:
         self._told = False
 
     def __call__(self, look: Look) -> float:
-        variances = [variance for variance in look.told.variance_ned_m2 if not math.isnan(variance)]
-        if len(variances) == len(look.told.variance_ned_m2):
+        north, east, down = look.told.variance_ned_m2
+        if north > 0.0 and east > 0.0 and down > 0.0:  # not a number is not
             self._told = True
-        elif self._told:
+            return max(north, east, down)
+        if self._told:
             return math.inf
-        return max(variances) if variances else math.nan
+        return max((variance for variance in (north, east, down) if variance > 0.0), default=math.nan)
 
 
 def largest_slide_m(config: Config) -> float:
