@@ -25,7 +25,8 @@ class Kind(StrEnum):
     """What is wrong with a quantity. `size` of a lie, in the quantity's SI unit where nothing else is said."""
 
     STUCK = "stuck"  # it keeps the value that it had
-    NOISE = "noise"  # it keeps the value that it had, with noise of a standard deviation `size`
+    NOISE = "noise"  # it is noise about zero, of a standard deviation `size`
+    STILL = "still"  # it keeps the value that it had, with noise of a standard deviation `size`
     DRIFT = "drift"  # it goes away by `size` a second, and position and velocity agree about it
     SLIDE = "slide"  # it goes away by `size` a second, alone
     STEP = "step"  # it steps by `size` every second
@@ -72,6 +73,8 @@ class Liar:
             if kind is Kind.STUCK:
                 told[place] = began[place]
             elif kind is Kind.NOISE:
+                told[place] = self._random.gauss(0.0, size)
+            elif kind is Kind.STILL:
                 told[place] = began[place] + self._random.gauss(0.0, size)
             elif kind in (Kind.DRIFT, Kind.SLIDE) and leans:
                 told[place] += size * passed_s
