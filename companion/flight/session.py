@@ -21,7 +21,7 @@ from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.ground import Ground
 from companion.flight.readiness.plausible import Plausible
 from companion.flight.readiness.preflight import Preflight
-from companion.flight.vehicle_link.estimator_health import EstimatorHealth
+from companion.flight.vehicle_link.estimator_health import SOLUTIONS, EstimatorHealth
 from companion.flight.vehicle_link.link import Link, VehicleLink
 from companion.record.recorder import Recorder
 
@@ -100,8 +100,18 @@ class Session:
         """What the vehicle and the link last told beside the pose, for the guards."""
         pose, delay = self.pose, self.delay
         return Told(
-            self.estimator.missing, pose.variance_ned_m2, pose.message == "ODOMETRY", delay.round_trip_s, delay.jitter_s
+            self.missing_solutions,
+            pose.variance_ned_m2,
+            pose.message == "ODOMETRY",
+            delay.round_trip_s,
+            delay.jitter_s,
+            delay.clock_rate,
         )
+
+    @property
+    def missing_solutions(self) -> float:
+        """Of the estimator's that are needed: all where the odometry itself says that it has failed; NaN if untold."""
+        return float(SOLUTIONS) if self.pose.failed else self.estimator.missing
 
     def refuse(self, reason: Reason, detail: str = "") -> None:
         """Control is to end, or never to begin; the first fault stays. Safe in a signal handler."""

@@ -75,7 +75,7 @@ class Ticks:
             self._fly(sample, dt)
         else:
             if flight.state is not _RELEASED:
-                flight.settling.on_sample(sample, flight.estimator.missing)
+                flight.settling.on_sample(sample, flight.missing_solutions)
             if flight.state is _CHECKING:
                 flight.preflight.on_sample(sample.time_s)
             if (flight.state is _STANDBY and not flight.hands_off) or (
@@ -111,7 +111,7 @@ class Ticks:
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
         if sample[0] >= watch.due_s:
             flight.delay.heard(sample.time_s, self._clock.now_s)
-            reason = watch.look(sample, setpoint, pilot, flight.told(), flight.ticks)
+            reason = watch.look(sample, setpoint, pilot, flight.told(), self._freshness.poses)
             if reason is not None:
                 self._stop_for(reason)
                 return

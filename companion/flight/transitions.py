@@ -15,7 +15,6 @@ from companion.flight.vehicle_link.modes import BY_STICKS, Mode, mode_name
 from companion.flight.vehicle_link.requests import TellHeartbeat
 
 _CURRENT_MODE_S: Final = 2.0  # a vehicle that has not told by CURRENT_MODE what is intended by then does not know it
-_RESETS_LIMIT: Final = 2.0  # of guards.estimator_jump_m, for all resets within a minute
 
 
 class Changes:
@@ -28,7 +27,6 @@ class Changes:
         self._flight = flight
         self._warning = warning
         self._checking_since_s = 0.0
-        self._resets = estimator.Resets()
         self._told_intention = False
 
     @property
@@ -61,21 +59,13 @@ class Changes:
         flight = self._flight
         jump = estimator.jump(last, sample)
         length_m, limit_m = estimator.length_m(jump), flight.limits[Reason.ESTIMATOR_JUMP]
-        total_m = self._resets.add(sample.time_s, length_m)
         if length_m > limit_m:
-            too_much = f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m"
-        elif total_m > _RESETS_LIMIT * limit_m:
-            too_much = (
-                f"the estimator's resets within {estimator.RESETS_S:g} s add up to {total_m:.2f} m, "
-                f"more than {_RESETS_LIMIT * limit_m:g} m"
-            )
-        else:
-            flight.pilot.reseat(jump)
-            flight.watch.reseat(jump)
-            flight.announce("reseated", f"the estimator reset, {length_m:.2f} m")
+            flight.refuse(Reason.ESTIMATOR_JUMP, f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m")
+            self.decide()
             return
-        flight.refuse(Reason.ESTIMATOR_JUMP, too_much)
-        self.decide()
+        flight.pilot.reseat(jump)
+        flight.watch.reseat(jump, sample.time_s)
+        flight.announce("reseated", f"the estimator reset, {length_m:.2f} m")
 
     def restart(self) -> None:
         """From here on the clock is another one."""

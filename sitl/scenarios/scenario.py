@@ -50,6 +50,8 @@ class Flown(NamedTuple):
     worst_error_m: float | None  # None where control never began
     problems: tuple[str, ...]
     wall_s: float
+    in_control_m: float | None = None  # the farthest that it truly went in control; None as above
+    in_control_s: float | None = None
 
     @property
     def passed(self) -> bool:

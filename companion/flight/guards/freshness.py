@@ -12,17 +12,20 @@ from companion.flight.guards.table import Limits
 class Freshness:
     """When pose and heartbeat were last heard.
 
-    Attribute: `until_s`, before which neither can be stale, as last looked at: what is heard later only puts it off.
+    Attributes: `until_s`, before which neither can be stale, as last looked at: what is heard later only puts it off;
+    `poses` so far that were not the one before.
     """
 
     def __init__(self, limits: Limits, now_s: float) -> None:
         self._limits = limits
         self._pose_at_s = self._heartbeat_at_s = now_s
         self.until_s = -math.inf
+        self.poses = 0
 
     def on_pose(self, now_s: float) -> None:
         """A pose that is not the one before it."""
         self._pose_at_s = now_s
+        self.poses += 1
 
     def on_heartbeat(self, now_s: float) -> None:
         """A heartbeat of the vehicle."""

@@ -213,7 +213,7 @@ def test_the_gain_in_force_at_the_doublets_counts(cut: Cut, tmp_path: Path, caps
     gains = json.loads(capsys.readouterr().out)["gains"]
     assert (gains["MC_ROLL_P"], gains["MC_PITCH_P"]) == (6.5, 4.0)
     template = Path(__file__).resolve().parents[3] / "config" / "px4_quadrotor.yaml"
-    arguments = design.Arguments([path], template, tmp_path / "out.yaml", 0.1, False, 0.0, False, True)
+    arguments = design.Arguments([path], template, tmp_path / "out.yaml", 0.1, False, 0.0, False, False, True)
     text = design._with_response(template.read_text(), load_config(template), identify_log([path]), arguments)
     assert re.search(r"MC_ROLL_P: 6\.5\b", text)
 
