@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple, NoReturn, Protocol
 
 from companion import __version__
 from companion.errors import CompanionError
+from companion.standard_streams import open_missing
 
 
 class Command(NamedTuple):
@@ -77,6 +78,7 @@ def read_command_line(argv: list[str]) -> tuple[CommandModule, Any]:
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of the `companion` command. Exits."""
+    open_missing()
     try:
         module, arguments = read_command_line(sys.argv[1:] if argv is None else argv)
         code = module.run(arguments)
