@@ -6,8 +6,6 @@ that may come after the set-point are `watch`.
 
 from __future__ import annotations
 
-import contextlib
-import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -20,7 +18,7 @@ from companion.flight.host.runtime import Status, Summary, quiet_memory, stop_si
 from companion.flight.host.service import Notifier
 from companion.flight.housekeeping import Housekeeping
 from companion.flight.readiness.engage import Engagement, plan
-from companion.flight.release import let_go
+from companion.flight.release import let_go, tell_error, whatever_happens
 from companion.flight.session import Session, To
 from companion.flight.steering import LiveCommands
 from companion.flight.ticks import Ticks
@@ -113,16 +111,27 @@ class FlightProcess:
                 self._changes.end(Reason.LINK_LOST, str(error))
             except Exception as error:  # whatever it was, the vehicle is handed back and the log tells
                 self._changes.end(Reason.INTERNAL_ERROR, f"{type(error).__name__}: {error}")
-                announce("traceback", traceback.format_exc())
-            reason = flight.ending.reason
+                tell_error(flight)
+            return self._end()
+
+    def _end(self) -> Summary:
+        """Control has ended: hand the vehicle back, and say why. A step that goes wrong keeps none of the others."""
+        flight, announce = self._flight, self._flight.announce
+        reason, detail = flight.ending.reason, flight.ending.detail
+        with whatever_happens(flight):
             if self._notifier is not None:
                 self._notifier.stopping(reason.value)
-            with contextlib.suppress(LinkError):
-                let_go(flight, self._hand_on)
-        detail = describe_ending(flight)
-        if not self._lockstep:  # there, how many came after the end is chance
-            announce("traffic", flight.link.tally())
-        announce(f"released_{reason.value}", detail, To.LOG | To.PERSON, line=f"released: {reason.value} ({detail})")
+        with whatever_happens(flight):
+            let_go(flight, self._hand_on)
+        with whatever_happens(flight):
+            detail = describe_ending(flight)
+        with whatever_happens(flight):
+            if not self._lockstep:  # there, how many came after the end is chance
+                announce("traffic", flight.link.tally())
+        with whatever_happens(flight):
+            announce(
+                f"released_{reason.value}", detail, To.LOG | To.PERSON, line=f"released: {reason.value} ({detail})"
+            )
         return Summary(reason, detail, flight.engaged, flight.pilot.elapsed_s, flight.ticks, taken_by_failsafe(flight))
 
     def _loop(self) -> None:

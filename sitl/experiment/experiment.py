@@ -20,7 +20,7 @@ from typing import NamedTuple
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.flight.authority.states import Reason
-from companion.flight.host.runtime import Status, Summary
+from companion.flight.host.runtime import Status, Summary, stop_signals
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
 from companion.record.folder import open_folder
@@ -151,8 +151,10 @@ def fly(job: Job) -> tuple[Summary, float]:
             on_status=on_status,
         )
         began_s = time.monotonic()
-        summary = flight_process.run()
-        wall_s = time.monotonic() - began_s
+        with stop_signals(flight_process.stop):  # until the log is closed
+            summary = flight_process.run()
+            wall_s = time.monotonic() - began_s
+            open_things.close()
     complaint = recorder.close()
     if complaint is not None:
         raise ExperimentError(complaint)
