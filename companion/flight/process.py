@@ -137,12 +137,14 @@ class FlightProcess:
     def _loop(self) -> None:
         """Until control has ended."""
         flight, link, clock, housekeeping = self._flight, self._link, self._flight.clock, self._housekeeping
-        freshness, overrun_s = flight.freshness, flight.limits[Reason.TICK_OVERRUN]
+        freshness, overrun_s, lockstep = flight.freshness, flight.limits[Reason.TICK_OVERRUN], self._lockstep
         heard_s = clock.began_wall_s
         while flight.state is not _RELEASED:
             data = link.receive()
             wall_s = clock.wall_s()
             clock.waited(wall_s)
+            if not lockstep:
+                flight.turn(wall_s)
             # Decided before what has come is believed: after a pause of ours it is stale. In control nothing changes
             # between two messages but that what was heard grows old.
             if flight.state is not _ENGAGED or flight.fault is not None or clock.now_s > freshness.until_s:
@@ -153,16 +155,16 @@ class FlightProcess:
                 for message in link.messages(data):
                     self._hand_on(message)
                 self._live_commands.fly_newest()
-            elif self._lockstep:
+            elif lockstep:
                 self._silence(wall_s - heard_s)
             if self._tools is not None:
                 closed = self._tools.turn(clock.now_s, heard=bool(data))
                 if closed is not None:
                     flight.announce("tools_closed", closed)
-            clock_s = clock.passed_s if self._lockstep and flight.sample is not None else wall_s
+            clock_s = clock.passed_s if lockstep and flight.sample is not None else wall_s
             if clock_s >= housekeeping.due_s:
                 housekeeping.run_due(clock_s, wall_s)
-            if clock.wall_s() - wall_s > overrun_s and flight.state is _ENGAGED and not self._lockstep:
+            if clock.wall_s() - wall_s > overrun_s and flight.state is _ENGAGED and not lockstep:
                 flight.refuse(Reason.TICK_OVERRUN, f"a tick took {clock.wall_s() - wall_s:.3f} s")
 
     # -- what comes in ------------------------------------------------------------------------------------------------

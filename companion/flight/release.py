@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
+from companion.control.types import Odometry
 from companion.flight.authority import states as authority
 from companion.flight.session import Session, To
 from companion.flight.vehicle_link.link import LinkError, VehicleLink
@@ -44,6 +45,10 @@ class HandOver:
     def on_answer(self, result: int) -> None:
         """A COMMAND_ACK of DO_SET_MODE; the last one counts."""
         self._answer = result
+
+    def disbelieve(self) -> None:
+        """What was reported up to now is from before a pause of ours, and PX4 may have acted on the silence since."""
+        self._reports, self._blindly_s = self._link.mode_reports, math.inf
 
     def over(self, now_s: float) -> bool:
         """Whether the vehicle has left OFFBOARD, or patience has ended."""
@@ -88,19 +93,26 @@ def let_go(flight: Session, hand_on: Callable[[Any], None]) -> None:
             if errors == 1:
                 tell_error(flight)
             if errors == _MOST_ERRORS:  # nothing can be heard: who listens for longer only delays the request
-                link.request(hand_over.request)
+                if not flight.backlog.waiting:
+                    link.request(hand_over.request)
                 return
 
 
 def _ask_and_hear(flight: Session, hand_over: HandOver, hand_on: Callable[[Any], None]) -> None:
     """Send the request that is due, and hear what the vehicle says next."""
     link, clock = flight.link, flight.clock
+    if flight.backlog.waiting:
+        hand_over.disbelieve()
     request = hand_over.advance(clock.elapsed_s())
     if request is not None:
         link.request(request)
     data = link.receive()
     clock.stamp()
+    if not flight.lockstep:
+        flight.turn(clock.wall_s())
     for message in link.messages(data):
+        if isinstance(message, Odometry):
+            flight.is_old(message)  # the backlog has seen it
         if isinstance(message, Answer):
             if message.command == Command.SET_MODE:
                 hand_over.on_answer(message.result)
