@@ -14,7 +14,7 @@ from companion.record.reader import Flight
 
 _NOT_JUDGED_M = 0.05
 _MOVED_M = 0.01
-_GROWTH = 2.0  # of the error over the first stair's: stable flights reach 1.0, the paper's unstable one 7
+_GROWTH = 2.0  # of the error over the first stair's: stable flights reach 1.2, the paper's unstable one 7
 _STEADY_S = 3.0  # of each stair: its end
 _STAIR_S = 5.0  # at least, or nothing is steady
 _MOVING_S = 0.5  # between two changes of a target that moves and does not step
