@@ -10,10 +10,10 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from companion.config.bounded_yaml import MOST_CHARACTERS
 from companion.config.mission import MissionSection
 from companion.config.numbers import NOT_YAML, read_yaml
 from companion.config.schema import Config
+from companion.config.text.bounded_yaml import MOST_CHARACTERS
 from companion.errors import CompanionError
 
 

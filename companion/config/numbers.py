@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import yaml
 
-from companion.config.bounded_yaml import BoundedLoader
+from companion.config.text.bounded_yaml import BoundedLoader
 
 MOST_DIGITS: Final = 100  # characters of a number; to read a longer one costs the square of its length
 _PLAIN: Final = re.compile(r"[-+]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")

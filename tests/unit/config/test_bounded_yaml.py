@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from harness.command import companion
 
-from companion.config.bounded_yaml import MOST_CHARACTERS, MOST_DEPTH, MOST_VALUES
 from companion.config.load import ConfigError, load_config, parse_override
+from companion.config.text.bounded_yaml import MOST_CHARACTERS, MOST_DEPTH, MOST_VALUES
 from companion.identify.vehicle import vehicle_of
 
 ROOT = Path(__file__).resolve().parents[3]
