@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple, NoReturn, Protocol
 from companion import __version__
 from companion.errors import CompanionError, printable
 from companion.safe_path import leave_current_directory
+from companion.standard_streams import open_missing
 
 
 class Command(NamedTuple):
@@ -78,6 +79,7 @@ def read_command_line(argv: list[str]) -> tuple[CommandModule, Any]:
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of the `companion` command. Exits."""
+    open_missing()
     if argv is None:  # this process is the command's own
         leave_current_directory()
         argv = sys.argv[1:]

@@ -20,7 +20,7 @@ from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
-from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
+from companion.config.service import LogSection, ReleaseSection, ServiceSection, SteeringSection
 from companion.config.vehicles import VEHICLE_KINDS, VehicleKind, VehicleName
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
@@ -97,6 +97,8 @@ class Config(Section):
     """Who may move the set-point live."""
     service: ServiceSection = ServiceSection()
     """What is asked of the operating system."""
+    log: LogSection = LogSection()
+    """How much of the disk flights may take."""
     plant: Plant | None = None
     """The simulated vehicle."""
     paper: PaperSection | None = None

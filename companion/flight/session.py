@@ -11,6 +11,7 @@ from companion.control.types import Odometry
 from companion.flight.announcements import Announcements, To
 from companion.flight.authority.states import Reason, State
 from companion.flight.guards import table as guards
+from companion.flight.guards.backlog import Backlog
 from companion.flight.guards.blindness import Blindness
 from companion.flight.guards.freshness import Freshness
 from companion.flight.guards.measures import Told
@@ -80,6 +81,7 @@ class Session:
         forget = {Reason.ESTIMATOR_FLAGS: self.estimator.forget, Reason.LINK_DELAY: self.delay.forget}
         self.blindness = Blindness(config, self.limits, forget)
         self.freshness = Freshness(self.limits, self.clock.now_s)
+        self.backlog = Backlog()
         self.state = State.CONNECTING
         self.fault: Ending | None = None
         self.ending = Ending(Reason.OPERATOR)
@@ -95,6 +97,19 @@ class Session:
         """Of the vehicle, as it says."""
         sample = self.sample
         return 0.0 if sample is None else math.sqrt(sample.vx_m_s**2 + sample.vy_m_s**2 + sample.vz_m_s**2)
+
+    def turn(self, wall_s: float) -> None:
+        """The loop turns: was this process stopped, what comes now is old."""
+        sample = self.sample
+        sample_s = math.nan if sample is None else sample.time_s
+        paused_s = self.backlog.turn(wall_s, self.freshness.pose_at_s, sample_s)
+        if paused_s:
+            self.announce("paused", f"this process did not run for {paused_s:.2f} s")
+
+    def is_old(self, sample: Odometry) -> bool:
+        """Whether the sample was queued while this process did not run."""
+        backlog = self.backlog
+        return backlog.waiting and backlog.is_old(sample.time_s, self.clock.wall_s(), self.delay.clock_rate)
 
     def told(self) -> Told:
         """What the vehicle and the link last told beside the pose, for the guards."""

@@ -30,7 +30,7 @@ class Ticks:
     def __init__(self, flight: Session, changes: Changes, restart_housekeeping: Callable[[], None]) -> None:
         self._flight, self._changes, self._restart_housekeeping = flight, changes, restart_housekeeping
         self._link, self._pilot, self._pose, self._watch = flight.link, flight.pilot, flight.pose, flight.watch
-        self._clock, self._freshness = flight.clock, flight.freshness
+        self._clock, self._freshness, self._backlog = flight.clock, flight.freshness, flight.backlog
         self._lockstep = flight.lockstep
         self._flies = flight.config.vehicle_kind.can_fly
         self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], LARGEST_STEP_S)
@@ -65,25 +65,28 @@ class Ticks:
                 self._restart_housekeeping()
                 self._changes.restart()
         flight.sample = sample
+        old = self._backlog.waiting and flight.is_old(sample)
         if self._pose.reset_counter != self._resets:
             self._resets = self._pose.reset_counter
             flight.settling.restart()
             if engaged and last is not None:
                 self._changes.reseat(last, sample)
                 engaged = flight.state is _ENGAGED
-        if engaged:
+        if engaged and not old:
             self._fly(sample, dt)
+        elif engaged:
+            self._pilot.step(sample, dt)  # the vehicle went through it, with what it was told last
         else:
             if flight.state is not _RELEASED:
                 flight.settling.on_sample(sample, flight.missing_solutions)
             if flight.state is _CHECKING:
                 flight.preflight.on_sample(sample.time_s)
-            if (flight.state is _STANDBY and not flight.hands_off) or (
+            if (flight.state is _STANDBY and not flight.hands_off and not old) or (
                 self._lockstep and flight.state is not _RELEASED
             ):
                 self._stand_by(sample, dt)
         # The age of the pose, which is looked at before the next sample: an estimate that has stopped grows old.
-        if last is None or sample[1] != last[1] or not self._repeats(last, sample):
+        if not old and (last is None or sample[1] != last[1] or not self._repeats(last, sample)):
             self._freshness.on_pose(self._clock.now_s)
 
     def answer(self, sample: Odometry) -> None:

@@ -118,6 +118,8 @@ class Changes:
             grounded = flight.state is State.STANDBY and not link.armed
             fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
         offboard = link.mode == Mode.OFFBOARD
+        if flight.state is State.STANDBY and flight.backlog.waiting:
+            offboard = False  # said a while ago: what has become of it meanwhile comes later in the queue
         return Known(
             link.connected,
             flight.preflight.passed and flight.settling.settled and flight.hands_off is not None,
