@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 from companion.config import Config
 from companion.config.numbers import shortest
 from companion.flight.readiness.parameters import response_parameters, same, same_version
+from companion.flight.readiness.pinned import HOVER_PLAUSIBLE
 
 Found = Mapping[str, float]
 Version = tuple[int, int, int]
@@ -164,7 +165,7 @@ def _hover(config: Config, value: float, _: Found) -> _Judged:
     off = value / ours - 1.0
     if abs(off) <= 0.05:
         return f"{value:g}", Verdict.FINE, f"vehicle.hover_thrust is {ours:g}"
-    verdict = Verdict.DIFFERS if abs(off) <= 0.2 else Verdict.DANGEROUS
+    verdict = Verdict.DIFFERS if abs(off) <= HOVER_PLAUSIBLE else Verdict.DANGEROUS
     advice = (
         f"vehicle.hover_thrust is {ours:g}, {abs(off):.0%} away: one of them climbs or sinks; correct the wrong one"
     )
