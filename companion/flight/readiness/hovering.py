@@ -11,7 +11,7 @@ from typing import Final
 from companion.control import hover
 from companion.control.types import GRAVITY_M_S2, Odometry
 
-_SETTLED_S: Final = 1.5
+_SETTLED_S: Final = 0.5  # it begins with what is flown, which is right in a calm hover
 _PARAMS: Final = hover.HoverParams(
     rate_1_s=2.0,
     filter_rad_s=5.0,

@@ -28,7 +28,7 @@ def test_it_is_known_whatever_is_flown(climb_m_s2: float, tilt_rad: float) -> No
 
 
 def test_not_before_a_while_and_not_after_the_ground() -> None:
-    assert seen(0.59, seconds=1.0).thrust is None
+    assert seen(0.59, seconds=0.4).thrust is None
     hovering = seen(0.59)
     hovering.forget()
     assert hovering.thrust is None
