@@ -62,7 +62,10 @@ class Changes:
         flight = self._flight
         offboard = flight.link.mode == Mode.OFFBOARD
         flight.ground.on_thrust(flight.clock.now_s, flown.thrust, offboard=offboard)
-        flight.hovering.on_thrust(flown.thrust, offboard=offboard)
+        if flight.link.mode == Mode.TAKEOFF:  # pushed off, and climbing
+            flight.hovering.forget()
+        else:
+            flight.hovering.on_thrust(flown.thrust, offboard=offboard)
 
     def _on_heartbeat(self, _: Heartbeat) -> None:
         self._flight.freshness.on_heartbeat(self._flight.clock.now_s)

@@ -24,7 +24,7 @@ from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
 _TRIM_S: Final = 2.0  # over which it is averaged
-_SAME_LIFT: Final = 0.01  # PX4 moves the thrust by as much to stay where it is
+_SAME_LIFT: Final = 0.02  # PX4 moves the thrust by as much to stay where it is
 
 
 class Pilot:

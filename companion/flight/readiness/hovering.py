@@ -12,6 +12,7 @@ from companion.control import hover
 from companion.control.types import GRAVITY_M_S2, Odometry
 
 _SETTLED_S: Final = 0.5  # it begins with what is flown, which is right in a calm hover
+_CALM_M_S: Final = 0.3  # up or down: what climbs faster is no hover
 _PARAMS: Final = hover.HoverParams(
     rate_1_s=2.0,
     filter_rad_s=5.0,
@@ -55,4 +56,5 @@ class Hovering:
             return
         upright = 1.0 - 2.0 * (sample.qx * sample.qx + sample.qy * sample.qy)
         self._state = hover.step(_PARAMS, self._state, sample.vz_m_s, self._flown * upright, dt_s)
-        self._for_s += dt_s
+        if abs(sample.vz_m_s) < _CALM_M_S:
+            self._for_s += dt_s

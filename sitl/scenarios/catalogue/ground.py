@@ -87,7 +87,6 @@ GROUND: Final = (
         overrides=(
             *_DOWN,
             _NOISE,
-            "controller.limits.thrust_min=0.08",
             *(f"guards.{name}.enabled=false" for name in ("ground_contact", "thrust_saturation", "hover_thrust")),
         ),
     ),
