@@ -1,4 +1,4 @@
-"""Deaths at random moments of flights, none outside the bound: a few of those that `benchmarks/dying_companion.py` flies."""
+"""Deaths at random moments, none outside the bound: a few of those that `benchmarks/dying_companion.py` flies."""
 
 import importlib.util
 import sys

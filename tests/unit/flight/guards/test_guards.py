@@ -77,7 +77,8 @@ def test_the_order_of_the_checks_is_that_of_the_rows() -> None:
     """What tells most of the cause comes first; the estimator's doubt before what follows from it."""
     assert WATCHED == (
         Reason.POSITION_VARIANCE, Reason.ESTIMATOR_FLAGS, Reason.VELOCITY_CONSISTENCY, Reason.FENCE, Reason.TILT,
-        Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.HOVER_THRUST, Reason.THRUST_SATURATION,
+        Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.LANDED, Reason.HOVER_THRUST,
+        Reason.THRUST_SATURATION,
         Reason.WEIGHTS_ON_BOUND, Reason.TRACKING_ERROR, Reason.ENVELOPE, Reason.LINK_DELAY, Reason.LINK_JITTER,
         Reason.POSE_RATE, Reason.FLIGHT_TIME,
     )  # fmt: skip
