@@ -37,7 +37,7 @@ class LinkLoss(NamedTuple):
 
     def __str__(self) -> str:
         tilt_deg = math.degrees(self.tilt_rad)
-        return f"up to {tilt_deg:.0f} deg of tilt, {self.distance_m:.1f} m away and {self.height_lost_m:.1f} m lower"
+        return f"{tilt_deg:.0f} deg, {self.distance_m:.1f} m away, {self.height_lost_m:.1f} m lower"
 
 
 class Kernel(NamedTuple):

@@ -178,10 +178,10 @@ def _hover(config: Config, value: float, _: Found) -> _Judged:
 def _loss_time(config: Config, value: float, _: Found) -> _Judged:
     text = f"{value:g} s"
     proposed_s = link_loss.proposed_s(config)
-    bound = f"when the companion dies, {link_loss.worst(config, value)}"
+    bound = f"a dead companion: up to {link_loss.worst(config, value)}"
     if value > _LONGEST_LOSS_S:
         verdict = Verdict.DANGEROUS if value > _DANGEROUS_LOSS_S else Verdict.DIFFERS
-        return text, verdict, f"{bound}: set it to {proposed_s:g}, {link_loss.worst(config, proposed_s)}"
+        return text, verdict, f"{bound}; set it to {proposed_s:g}: {link_loss.worst(config, proposed_s)}"
     age_s = config.guards.pose_age_s.limit
     if value <= age_s:
         advice = f"PX4 acts before the companion has handed over: set it above guards.pose_age_s ({age_s:g} s)"
