@@ -41,7 +41,7 @@ class Reason(ReasonRow):
         "the mission is over", "`mission.duration_s`, or the last doublet of `--identify`",
     )
     LANDED = (
-        "landed", Group.OVER,
+        "landed", Group.FLIGHT,
         "the vehicle has landed: on the ground nothing is left to control",
         "the mission or a command below the ground, a downdraft; the companion asks for Land, and PX4 disarms",
     )
