@@ -52,8 +52,8 @@ GROUND: Final = (
     ),
     _heavy(
         "hover_thrust_untrue",
-        "MPC_THR_HOVER is 0.15 where 0.49 carries it: it is not believed",
-        overrides=(*HOVER, "plant.parameters={MPC_THR_HOVER: 0.15}"),
+        "MPC_THR_HOVER is 0.35 where 0.49 carries it: it is not believed",
+        overrides=(*HOVER, "plant.parameters={MPC_THR_HOVER: 0.35}"),
         events=("remark",),
     ),
     Scenario(
