@@ -35,8 +35,10 @@ class VehicleSection(Section):
     """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
     `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
-    """What is flown. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
-    answered. `estimated`: begins with either and is then estimated in flight; not for a rig."""
+    """What is believed. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
+    answered or more than 20 % off. `estimated`: begins with what the vehicle hovers at in stand-by, or with either, and
+    is then estimated in flight; not for a rig. Control begins with the thrust that the vehicle hovers at, whatever is
+    believed."""
     system_id: Id = 1
     """MAVLink system id of the autopilot. Nobody else is believed."""
     component_id: Id = 1

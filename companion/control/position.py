@@ -92,18 +92,19 @@ def engage(
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
     hover_thrust: float,
+    lift: float = 1.0,
 ) -> PositionState:
     """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity).
 
-    It begins with the attitude that the vehicle has and the thrust that carries it. What the law wants where it is and
-    as it moves is eased into; a command to be elsewhere is not.
+    It begins with the attitude that the vehicle has and the thrust that carries it, `lift` times `hover_thrust`. What
+    the law wants where it is and as it moves is eased into; a command to be elsewhere is not.
     """
     now = in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
     _, _, down = attitude.thrust_direction(odometry.qw, odometry.qx, odometry.qy, odometry.qz)
     upright = max(-down, 0.1)  # the guard on tilt ends control long before that
-    size = 1.0 if params.one_axis else 1.0 / upright  # a rig's thrust is turned, a free one also carries the weight
+    size = 1.0 if params.one_axis else lift / upright  # a rig's thrust is turned, a free one also carries the weight
     wx, wy = size * now.wx, size * now.wy
-    z = altitude.start(odometry.z_m, odometry.vz_m_s)
+    z = altitude.start(odometry.z_m, odometry.vz_m_s, lift, params.altitude.gravity_m_s2)
     _, up = altitude.step(
         params.altitude, z, odometry.z_m, odometry.vz_m_s, odometry.z_m, 0.0, 1.0,
         params.limits.thrust_min / hover_thrust, params.limits.thrust_max / hover_thrust, 1.0,
@@ -120,7 +121,7 @@ def engage(
         PositionSetpoint(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
         (wx, wy, size * upright),
         size * hover_thrust,
-        ease.EaseState(wx + brake_x, wy + brake_y, 1.0 - up, ease.DURATION_S, False),
+        ease.EaseState(wx + brake_x, wy + brake_y, lift - up, ease.DURATION_S, False),
     )
 
 

@@ -14,11 +14,12 @@ from typing import Any, Final
 
 from companion.control.types import Odometry
 from companion.flight.authority import states as authority
+from companion.flight.authority.states import Reason
 from companion.flight.session import Session, To
 from companion.flight.vehicle_link.link import LinkError, VehicleLink
 from companion.flight.vehicle_link.messages import Answer, Command, Heartbeat, ModeReport
 from companion.flight.vehicle_link.modes import Mode, Result
-from companion.flight.vehicle_link.requests import SetMode
+from companion.flight.vehicle_link.requests import SetMode, TellHeartbeat
 
 LISTEN_S: Final = 0.1  # a pilot's switch may be waiting in the queue: what the vehicle says is heard out first
 _ASK_AGAIN_S: Final = 0.25
@@ -40,6 +41,7 @@ class HandOver:
         self._ask_s = now_s + LISTEN_S
         self._blindly_s = now_s + _UNHEARD_S
         self._reports = link.mode_reports  # heard when last asked; what came before now may be a second old
+        self._hear_s = now_s
         self._answer: int | None = None
 
     def on_answer(self, result: int) -> None:
@@ -54,12 +56,20 @@ class HandOver:
         """Whether the vehicle has left OFFBOARD, or patience has ended."""
         return self._link.mode != Mode.OFFBOARD or now_s >= self._until_s
 
-    def advance(self, now_s: float) -> SetMode | None:
-        """The request to send now, if any."""
+    def advance(self, now_s: float) -> SetMode | TellHeartbeat | None:
+        """The request to send now, if any.
+
+        The mode comes unasked twice a second while it stays (CURRENT_MODE), and a request for that is denied then; a
+        heartbeat that is asked for comes at once.
+        """
+        if now_s >= self._hear_s:
+            self._hear_s = math.inf
+            return TellHeartbeat()
         still_offboard = self._link.mode_reports > self._reports  # said after the last request
         if now_s < self._ask_s or self._answer == Result.ACCEPTED or not (still_offboard or now_s >= self._blindly_s):
             return None
         self._ask_s, self._reports, self._blindly_s = now_s + _ASK_AGAIN_S, self._link.mode_reports, math.inf
+        self._hear_s = now_s + _ASK_AGAIN_S - LISTEN_S
         return self.request
 
 
@@ -80,7 +90,9 @@ def let_go(flight: Session, hand_on: Callable[[Any], None]) -> None:
         return
     if link.mode != Mode.OFFBOARD:
         return
-    hand_over = HandOver(link, _MODES[flight.config.release.mode], clock.elapsed_s())
+    # What has landed is to disarm: in Hold PX4 goes on believing that it flies, in Land it finds the ground.
+    mode = Mode.LAND if reason is Reason.LANDED else _MODES[flight.config.release.mode]
+    hand_over = HandOver(link, mode, clock.elapsed_s())
     gave_up_s = clock.wall_s() + _WALL_PATIENCE_S
     errors = 0
     while not hand_over.over(clock.elapsed_s()) and clock.wall_s() < gave_up_s:

@@ -20,6 +20,7 @@ from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall
 from companion.flight.pilot.pilot import Pilot
 from companion.flight.readiness.ground import Ground
+from companion.flight.readiness.hovering import Hovering
 from companion.flight.readiness.plausible import Plausible
 from companion.flight.readiness.preflight import Preflight
 from companion.flight.vehicle_link.estimator_health import SOLUTIONS, EstimatorHealth
@@ -63,7 +64,7 @@ class Session:
         self.recorder = recorder
         self.lockstep = lockstep
         self.ids = (config.vehicle.system_id, config.vehicle.component_id)
-        self.limits = guards.limits(config)
+        self.limits = {**guards.limits(config), **({Reason.LANDED: -math.inf} if bench else {})}
         self.clock = Clock(lockstep=lockstep, wall=wall)
         self.link = VehicleLink(config, link, recorder, self.clock)
         self.pose, self.delay = self.link.pose, self.link.delay
@@ -74,7 +75,9 @@ class Session:
         compare = not lockstep and config.mission.identification is None
         self.preflight = Preflight(config, self.pose, compare=compare, uncertified=uncertified)
         self.plausible = Plausible(config, anyway=anyway)
-        self.ground = Ground(flies=config.vehicle_kind.can_fly and not bench, takes_off=engage)
+        flies = config.vehicle_kind.can_fly and not bench
+        self.ground = Ground(flies=flies, hover_thrust=config.vehicle.hover_thrust, takes_off=engage)
+        self.hovering = Hovering()
         self.estimator = EstimatorHealth()
         self.settling = Settling(config)
         self.watch = Watch(config, self.limits)

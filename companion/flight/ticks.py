@@ -65,10 +65,13 @@ class Ticks:
                 self._restart_housekeeping()
                 self._changes.restart()
         flight.sample = sample
+        flight.ground.on_height(sample.z_m)
         old = self._backlog.waiting and flight.is_old(sample)
         if self._pose.reset_counter != self._resets:
             self._resets = self._pose.reset_counter
             flight.settling.restart()
+            if last is not None:
+                flight.ground.on_reset(sample.z_m - last.z_m)
             if engaged and last is not None:
                 self._changes.reseat(last, sample)
                 engaged = flight.state is _ENGAGED
@@ -127,16 +130,19 @@ class Ticks:
         self._changes.decide()
 
     def _stand_by(self, sample: Odometry, dt_s: float) -> None:
-        """Stream what is safe to be switched to: the attitude as it is, hover thrust.
+        """Stream what is safe to be switched to: the attitude as it is, the thrust that carries it.
 
         No thrust only while the vehicle says that it stands on the ground, or is disarmed in another mode: armed is
         told once a second, OFFBOARD at once, and a vehicle in the air must not fall in between.
         """
-        grounded = self._flight.ground.idle or (not self._link.armed and self._link.mode != _OFFBOARD)
-        thrust = 0.0 if grounded else self._pilot.hover_thrust
+        flight = self._flight
+        grounded = flight.ground.idle or (not self._link.armed and self._link.mode != _OFFBOARD)
+        flight.hovering.on_sample(sample, dt_s, offboard=self._link.mode == _OFFBOARD)
+        self._pilot.believe_hovering(flight.hovering.thrust)
+        thrust = 0.0 if grounded else self._pilot.standby_thrust
         setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
         latency_s = self._send(sample, setpoint)
-        self._record(record_standby(sample, dt_s, setpoint, latency_s, self._flight.state))
+        self._record(record_standby(sample, dt_s, setpoint, latency_s, flight.state))
 
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""

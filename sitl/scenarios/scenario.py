@@ -38,6 +38,7 @@ class Scenario(NamedTuple):
     error_m: float = 0.5  # worst distance from the tracked reference, in control
     by_s: float | None = None  # control has ended by then, and never before anything happens
     events: tuple[str, ...] = ()  # of the flight log, that must be there
+    least_thrust: float | None = None  # told in OFFBOARD; by default the limit, or none where control never began
     streams: bool = True  # whether any set-point comes at all
 
 

@@ -40,6 +40,11 @@ class Reason(ReasonRow):
         "mission_complete", Group.OVER,
         "the mission is over", "`mission.duration_s`, or the last doublet of `--identify`",
     )
+    LANDED = (
+        "landed", Group.FLIGHT,
+        "the vehicle has landed: on the ground nothing is left to control",
+        "the mission or a command below the ground, a downdraft; the companion asks for Land, and PX4 disarms",
+    )
     NOT_CALM = (
         "not_calm", Group.OVER,
         "the vehicle did not come to rest for the next doublet: fly in calm air, or with a longer pause_s",
@@ -328,6 +333,14 @@ class Guards(Section):
     tilt_error_deg: Annotated[
         GuardSection, Row(Reason.TILT_ERROR, "deg"), Field(description="thrust direction, set-point to measured")
     ] = GuardSection(limit=25.0, timeout_s=0.5)
+    ground_contact: Annotated[
+        GuardSection,
+        Row(Reason.LANDED, least=True),
+        Field(
+            description="share of the weight that the thrust carries, by how it moves up and down: the ground carries "
+            "the rest. When it is in control and says for 0.3 s that it has landed, it has too"
+        ),
+    ] = GuardSection(limit=0.5, timeout_s=0.5)
     hover_thrust: Annotated[
         GuardSection,
         Row(Reason.HOVER_THRUST, certified=True),

@@ -20,13 +20,15 @@ from companion.config.mission.identifying import LINK_DELAY_S
 from companion.config.schema import Config
 from companion.control import attitude
 from companion.control.position import PositionOutput
-from companion.control.types import AttitudeSetpoint, Odometry
+from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry
 from companion.flight.guards.attitude_response import ResponseBand, ends
 from companion.flight.guards.propagation import LONG_S, Disagreement
 
 PERIOD_S: Final = 0.02  # from one look to the next
 _SATURATION_S: Final = 1.0  # over which its share is taken
 _LIFT_S: Final = 1.0  # and the average of the thrust
+_CARRIED_RAD_S: Final = 5.0
+_CARRIED_BLEND: Final = 1.0 - math.exp(-_CARRIED_RAD_S * PERIOD_S)
 _RATE_WINDOW: Final = 26  # looks, half a second
 _RATE_TOLERANCE: Final = 1.01  # how well a rate is known
 _DEVIATIONS: Final = 6.0  # that an estimator may slide by; east of north by GPS they are five
@@ -62,6 +64,7 @@ class Look(NamedTuple):
     weights_on_bound: int
     tracking_error_m: float
     elapsed_s: float  # in control
+    jumped: Jump | None  # of the estimate since the look before
 
 
 Measure = Callable[[Look], float]
@@ -214,6 +217,30 @@ class Lift:
         return abs(self._lift - 1.0)
 
 
+class Carried:
+    """Share of the weight that the thrust carries: in the air l + v'/g = 1, z down, with l the lift over the weight.
+
+    Both sides pass the same low-pass, as in `companion.control.hover`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._flies = config.vehicle_kind.can_fly
+        self._lift = 1.0
+        self._velocity_m_s: float | None = None
+
+    def __call__(self, look: Look) -> float:
+        if not self._flies:
+            return math.nan
+        before_m_s = look.began.vz_m_s if self._velocity_m_s is None else self._velocity_m_s
+        if look.jumped is not None:
+            before_m_s += look.jumped.vz_m_s
+        lift = -look.thrust_ned[2] * look.setpoint.thrust / look.hover_thrust
+        self._lift += _CARRIED_BLEND * (lift - self._lift)
+        velocity_m_s = before_m_s + _CARRIED_BLEND * (look.sample.vz_m_s - before_m_s)
+        self._velocity_m_s = velocity_m_s
+        return self._lift + _CARRIED_RAD_S * (look.sample.vz_m_s - velocity_m_s) / GRAVITY_M_S2
+
+
 class Saturation:
     """Share of the last second's looks with thrust at its limit."""
 
@@ -264,6 +291,7 @@ MEASURES: Final = {
     Reason.TILT: Measured(stateless(tilt_rad)),
     Reason.ATTITUDE_RESPONSE: Measured(outside_band_rad, limit=widest_band_rad, blind=no_band),
     Reason.TILT_ERROR: Measured(stateless(tilt_error_rad)),
+    Reason.LANDED: Measured(Carried),
     Reason.HOVER_THRUST: Measured(Lift),
     Reason.THRUST_SATURATION: Measured(Saturation),
     Reason.WEIGHTS_ON_BOUND: Measured(stateless(lambda look: look.weights_on_bound)),

@@ -95,6 +95,7 @@ class Watch:
             pilot.weights_on_bound,
             pilot.tracking_error_m,
             pilot.elapsed_s,
+            self._jumped,
         )
         self._jumped = None
         self.last = watched = tuple([measure(look) for measure in self._measures])

@@ -17,7 +17,7 @@ from companion.control.types import GRAVITY_M_S2
 
 _HOVER_RATE_1_S = 0.5  # of its estimate: settled in six seconds, and gusts of a second hardly move it
 _HOVER_FILTER_RAD_S = 5.0
-_HOVER_RANGE = 1.6  # the estimate stays within this factor of where it began: no load doubles in flight
+HOVER_RANGE = 1.6  # the estimate stays within this factor of where it began: no load doubles in flight
 _HOVER_SLEW_1_S = 0.05
 
 
@@ -54,8 +54,8 @@ def hover_params(config: Config, hover_thrust: float) -> HoverParams:
     return HoverParams(
         rate_1_s=_HOVER_RATE_1_S if estimated else 0.0,
         filter_rad_s=_HOVER_FILTER_RAD_S,
-        lower=max(hover_thrust / _HOVER_RANGE, limits.thrust_min),
-        upper=min(hover_thrust * _HOVER_RANGE, limits.thrust_max),
+        lower=max(hover_thrust / HOVER_RANGE, limits.thrust_min),
+        upper=min(hover_thrust * HOVER_RANGE, limits.thrust_max),
         slew_1_s=_HOVER_SLEW_1_S,
         gravity_m_s2=GRAVITY_M_S2,
     )

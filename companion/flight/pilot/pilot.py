@@ -9,8 +9,14 @@ from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, estimate_correction, mrac, position
-from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.pilot.controller_params import correction_params, hover_params, initial_weights, position_params
+from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.flight.pilot.controller_params import (
+    HOVER_RANGE,
+    correction_params,
+    hover_params,
+    initial_weights,
+    position_params,
+)
 from companion.flight.pilot.doublets import Manoeuvre
 from companion.flight.pilot.mission import Mission
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
@@ -18,6 +24,7 @@ from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
 _TRIM_S: Final = 2.0  # over which it is averaged
+_SAME_LIFT: Final = 0.02  # PX4 moves the thrust by as much to stay where it is
 
 
 class Pilot:
@@ -43,6 +50,7 @@ class Pilot:
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust
+        self._lift = 1.0  # what it hovers at over that
         self._sample: Odometry | None = None  # of the last tick
         self._since_s = 0.0
         self.origin = self.target = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
@@ -59,21 +67,35 @@ class Pilot:
         ):
             self._hover = hover_thrust
 
-    def take_over(self, sample: Odometry, hover_thrust: float | None = None) -> None:
-        """A bumpless start: references, anchor and mission begin where the vehicle is.
+    def believe_hovering(self, thrust: float | None) -> None:
+        """What the vehicle hovers at before control begins, from what it flies; None where that is not known."""
+        lift = 1.0 if thrust is None else min(max(thrust / self._hover, 1.0 / HOVER_RANGE), HOVER_RANGE)
+        self._lift = 1.0 if abs(lift - 1.0) < _SAME_LIFT else lift
 
-        `hover_thrust` is the autopilot's own (MPC_THR_HOVER). It counts unless `vehicle.hover_thrust_source` is config,
-        and only within the thrust limits.
+    @property
+    def standby_thrust(self) -> float:
+        """What to stream in stand-by: what it hovers at, or else what is believed to be that, within the limits."""
+        limits = self._params.limits
+        return min(max(self._hover * self._lift, limits.thrust_min), limits.thrust_max)
+
+    def take_over(self, sample: Odometry) -> None:
+        """A bumpless start: references, anchor and mission begin where the vehicle is, thrust where it hovers.
+
+        An estimated hover thrust begins there too. One that is given stays, and the altitude's integrator makes up the
+        difference, as far as it may.
         """
-        self.believe_hover_thrust(hover_thrust)
-        hover = self._hover
+        hover, lift = self._hover, self._lift
+        if self._config.vehicle.hover_thrust_source == "estimated":
+            hover, lift = self.standby_thrust, 1.0
+        most = self._params.altitude.integral_limit_m_s2 / GRAVITY_M_S2
+        lift = min(max(lift, 1.0 - most), 1.0 + most)
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._steered = False
         self._since_s = sample.time_s
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
-        self._control = position.engage(self._params, sample, yaw, *self._weights, hover)
+        self._control = position.engage(self._params, sample, yaw, *self._weights, hover, lift)
 
     def steer(self, target: PositionSetpoint) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""

@@ -78,7 +78,7 @@ def test_the_order_of_the_checks_is_that_of_the_rows() -> None:
     assert WATCHED == (
         Reason.POSITION_VARIANCE, Reason.ESTIMATOR_FLAGS, Reason.ESTIMATE_STUCK, Reason.VELOCITY_CONSISTENCY,
         Reason.ESTIMATOR_STEPS, Reason.POSITION_SLIDE, Reason.HEIGHT_SLIDE, Reason.FENCE, Reason.TILT,
-        Reason.UNEXPLAINED_MOTION, Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.HOVER_THRUST,
+        Reason.UNEXPLAINED_MOTION, Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.LANDED, Reason.HOVER_THRUST,
         Reason.THRUST_SATURATION, Reason.WEIGHTS_ON_BOUND, Reason.TRACKING_ERROR, Reason.ENVELOPE, Reason.LINK_DELAY,
         Reason.LINK_JITTER, Reason.POSE_RATE, Reason.CLOCK_RATE, Reason.FLIGHT_TIME,
     )  # fmt: skip

@@ -164,6 +164,34 @@ def test_too_little_thrust_to_hover_on_average_is_seen_within_seconds() -> None:
     assert flight.seen(Reason.HOVER_THRUST) == pytest.approx(0.3, abs=0.06)
 
 
+def falling(flight: Flight, lift: float, seconds: float, falls: float) -> list[Reason | None]:
+    """Looks at a vehicle whose thrust carries so much of its weight; `falls`, what of the rest accelerates it."""
+    setpoint = AttitudeSetpoint(1.0, 0.0, 0.0, 0.0, lift * flight.pilot.hover_thrust)
+    down_m_s2 = falls * 9.81 * (1.0 - lift)
+    return [
+        flight.look(setpoint=setpoint, vz_m_s=HOVER.vz_m_s + down_m_s2 * PERIOD_S * k)
+        for k in range(round(seconds / PERIOD_S))
+    ]
+
+
+_CONTACT = tuple(
+    f"guards.{name}.enabled=false" for name in ("velocity_consistency_m", "tracking_error_m", "hover_thrust")
+)
+
+
+@pytest.mark.parametrize("lift", [0.2, 0.45])
+def test_what_does_not_fall_though_little_carries_it_has_landed(lift: float) -> None:
+    seen = falling(Flight(*_CONTACT), lift, 2.0, 0.0)
+    first = next(k for k, reason in enumerate(seen) if reason is not None)
+    assert seen[first] is Reason.LANDED
+    assert 0.5 <= first * PERIOD_S < 1.2
+
+
+@pytest.mark.parametrize("lift", [0.2, 0.45])
+def test_what_falls_has_not(lift: float) -> None:
+    assert Reason.LANDED not in falling(Flight(*_CONTACT), lift, 1.0, 1.0)
+
+
 # --- blindness --------------------------------------------------------------------------------------------------------
 
 KNOWS_OF_DELAY = ("attitude.x.delay_s=[0.02, 0.045]", "attitude.y.delay_s=[0.02, 0.045]")
