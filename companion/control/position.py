@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint
+from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint, tracking
 from companion.control.reference_model import discretise
-from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint, Reference
 
 
 class PositionParams(NamedTuple):
@@ -26,6 +26,7 @@ class PositionParams(NamedTuple):
     limits: limits.LimitParams
     setpoint: setpoint.SetpointParams
     hover: hover.HoverParams
+    lead: tracking.LeadParams = tracking.LeadParams()
 
 
 class PositionState(NamedTuple):
@@ -41,10 +42,14 @@ class PositionState(NamedTuple):
     force: tuple[float, float, float]  # flown over the last tick: specific force over g, control frame, positive up
     thrust: float  # normalised, over the last tick
     ease: ease.EaseState
+    frame: tracking.Frame  # that moves with a trajectory, at the last tick
 
 
 class Horizontal(NamedTuple):
-    """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes."""
+    """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes.
+
+    On a trajectory all three are less the trajectory's own.
+    """
 
     x_m: float
     vx_m_s: float
@@ -121,6 +126,7 @@ def engage(
         (wx, wy, size * upright),
         size * hover_thrust,
         ease.EaseState(wx + brake_x, wy + brake_y, 1.0 - up, ease.DURATION_S, False),
+        tracking.AT_REST,
     )
 
 
@@ -130,7 +136,7 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
     What stays of it, a law that sees another velocity or heading, is eased into from the force flown last. Tilt and
     thrust are the vehicle's own and stay in the control frame, which turns with the heading.
     """
-    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, _ = state
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, _, moved = state
     yaw = flown.yaw_rad + jump.yaw_rad
     c, s = math.cos(yaw), math.sin(yaw)
     x, y = frame.turn_references(x, y, jump.yaw_rad)
@@ -145,18 +151,32 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
         force,
         thrust,
         ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
+        moved,
     )
 
 
 def step(
-    params: PositionParams, state: PositionState, odometry: Odometry, command: PositionSetpoint, dt_s: float
+    params: PositionParams,
+    state: PositionState,
+    odometry: Odometry,
+    command: PositionSetpoint,
+    dt_s: float,
+    reference: Reference | None = None,
 ) -> tuple[PositionState, PositionOutput]:
-    """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it."""
-    params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation = params
-    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing = state
-    _, thrust_min, thrust_max, _, _ = bounds
+    """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it.
+
+    With a `reference` it flies that instant of a trajectory, in the frame that moves with it (`control.tracking`), and
+    not the command. The anchor must be at the set-point.
+    """
+    params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation, lead = params
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing, before = state
+    _, thrust_min, thrust_max, _, gravity = bounds
     yaw = flown.yaw_rad
-    if command != flown:
+    after = tracking.AT_REST
+    if reference is not None:
+        flown = PositionSetpoint(reference.x_m, reference.y_m, reference.z_m, reference.yaw_rad)
+        after = tracking.move(reference, lead, gravity)
+    elif command != flown:
         flown = setpoint.advance(travel, flown, command, dt_s)
     command_x, command_y, command_z, flown_yaw = flown
     if flown_yaw != yaw:
@@ -178,6 +198,9 @@ def step(
     if anchored_at_setpoint:
         anchor_x, anchor_y, shift_x, shift_y, ahead, aside = command_x, command_y, ahead, aside, 0.0, 0.0
     now = in_control_frame(odometry, anchor_x, anchor_y, c, s, thrust / hover_thrust)
+    tracks = after.moving or before.moving
+    if tracks:
+        x, y, shift_x, shift_y, now = _move(before, after, x, y, shift_x, shift_y, now, c, s, gravity, dt_s)
     at_x, vx, wx, at_y, vy, wy = now
     omega, damping = params_x[0], params_x[1]
     over = discretise(omega, damping, dt_s)
@@ -189,10 +212,19 @@ def step(
             over = discretise(params_y[0], params_y[1], dt_s)
         y, out_y = mrac.step(params_y, y, over, shift_y, at_y, vy, wy, aside, dt_s)
         lowest, highest, ratio = thrust_min / hover_thrust, thrust_max / hover_thrust, hover_before / hover_thrust
-        z, up = altitude.step(
-            params_z, z, odometry.z_m, odometry.vz_m_s, command_z, dt_s, force[2], lowest, highest, ratio
-        )
+        if tracks:
+            z, up = tracking.climb(
+                params_z, z, before, after, odometry.z_m, odometry.vz_m_s, command_z, dt_s, force[2],
+                lowest, highest, ratio,
+            )  # fmt: skip
+        else:
+            z, up = altitude.step(
+                params_z, z, odometry.z_m, odometry.vz_m_s, command_z, dt_s, force[2], lowest, highest, ratio
+            )
     along, across = out_x.control, out_y.control
+    if reference is not None:
+        fed_along, fed_across = tracking.feed(reference, lead, c, s, gravity)
+        along, across = along + fed_along, across + fed_across
     if easing.due or easing.left_s > 0.0:
         easing, along, across, up = ease.step(easing, (along, across, up), force, dt_s)
 
@@ -203,8 +235,42 @@ def step(
     qw, qx, qy, qz, size = attitude.orient(c * along - s * across, s * along + c * across, -up, c, s)
     thrust = min(size * hover_thrust, thrust_max)
     return (
-        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing),
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing, after),
         PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, cut or up_cut, up_cut),
+    )
+
+
+def _move(
+    before: tracking.Frame,
+    after: tracking.Frame,
+    x: mrac.AxisState,
+    y: mrac.AxisState,
+    shift_x: float,
+    shift_y: float,
+    now: Horizontal,
+    c: float,
+    s: float,
+    gravity: float,
+    dt_s: float,
+) -> tuple[mrac.AxisState, mrac.AxisState, float, float, Horizontal]:
+    """Both axes, the shift of the anchor and what was measured, in the frame that moves with a trajectory."""
+    north, east, _, faster_north, faster_east, _ = tracking.explained(before, after, dt_s)
+    x, y = tracking.push(x, y, before, after, faster_north, faster_east, c, s)
+    at_x, vx, wx, at_y, vy, wy = now
+    _, frame_vx, frame_vy, _, ax, ay, _, _ = after
+    return (
+        x,
+        y,
+        shift_x - (c * north + s * east),
+        shift_y - (c * east - s * north),
+        Horizontal(
+            at_x,
+            vx - (c * frame_vx + s * frame_vy),
+            wx - (c * ax + s * ay) / gravity,
+            at_y,
+            vy - (c * frame_vy - s * frame_vx),
+            wy - (c * ay - s * ax) / gravity,
+        ),
     )
 
 
@@ -216,7 +282,7 @@ def lean(
     `trim` is what a steady wind needs, specific force over g in the control frame. Out: the state of a vehicle that
     flies this, and the set-point.
     """
-    x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing = state
+    x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing, moved = state
     c, s = math.cos(flown.yaw_rad), math.sin(flown.yaw_rad)
     along = math.tan(math.atan(trim[0]) - pitch_rad)
     across = 0.0 if params.one_axis else math.tan(math.atan(trim[1]) + roll_rad)
@@ -228,6 +294,6 @@ def lean(
     thrust = min(size * lift.hover_thrust, params.limits.thrust_max)
     force = (along, across, up)
     return (
-        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing),
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing, moved),
         AttitudeSetpoint(qw, qx, qy, qz, thrust),
     )

@@ -171,7 +171,7 @@ class Pilot:
         """The tick just flown, as `companion.record.schema` has it."""
         assert self._control is not None
         assert self.last is not None
-        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _ = self._control
+        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _, _ = self._control
         _, (at_x, vx, _, at_y, vy, _), (_, _, _, deficit_x), (_, _, _, deficit_y), limited, thrust_limited = self.last
         ideal_x, ideal_vx, reference_x, reference_vx, weight_x, weight_vx, command_x, u_x, w_x, bias_x = x
         ideal_y, ideal_vy, reference_y, reference_vy, weight_y, weight_vy, command_y, u_y, w_y, bias_y = y
