@@ -12,6 +12,10 @@ where f is r''/g sent through the inverse of the identified attitude response, t
 wn^2/(s^2 + 2 zeta wn s + wn^2) behind a delay T has l1 = 2 zeta/wn + T, l2 = 1/wn^2 + 2 zeta T/wn + T^2/2
 (`docs/trajectories.md`). l1 is the lag: to first order f is the acceleration that comes so much later.
 
+The force against a disturbance comes as late as any: it is that of the bias weight b, whose rate (22) has at hand, so
+-l1 b' is added. u~ has neither f nor that in it. The hedge compares the measured w~ with u~, so that the error e = x -
+x_r obeys the same equation as before, and in (24) both are bounded inputs (`docs/trajectories.md`).
+
 References and integrators stay where they are in space. What a trajectory's own derivatives do not explain of its
 motion is a step of the command, which the reference model works off as any other.
 """
@@ -22,7 +26,7 @@ from typing import NamedTuple
 
 from companion.control import altitude, frame
 from companion.control.mrac import AxisState
-from companion.control.types import Reference
+from companion.control.types import Horizontal, Reference
 
 
 class LeadParams(NamedTuple):
@@ -66,24 +70,49 @@ def feed(reference: Reference, lead: LeadParams, c: float, s: float, gravity_m_s
     return along / gravity_m_s2, across / gravity_m_s2
 
 
-def explained(before: Frame, now: Frame, dt_s: float) -> tuple[float, float, float, float, float, float]:
-    """What the derivatives say of a tick: how far the frame moved, and by how much its velocity changed, NED."""
-    _, vx0, vy0, vz0, ax0, ay0, az0, _ = before
-    _, vx, vy, vz, ax, ay, az, _ = now
+def foresee(lag_s: float, bias_before: float, bias: float, dt_s: float) -> float:
+    """What the force against the disturbance found, minus the bias weight, will be a lag later than it is now."""
+    return lag_s * (bias_before - bias) / dt_s if dt_s > 0.0 else 0.0
+
+
+def enter(
+    before: Frame,
+    now: Frame,
+    x: AxisState,
+    y: AxisState,
+    shift_x_m: float,
+    shift_y_m: float,
+    measured: Horizontal,
+    c: float,
+    s: float,
+    gravity_m_s2: float,
+    dt_s: float,
+) -> tuple[AxisState, AxisState, float, float, Horizontal]:
+    """Both axes, the anchor's step along each, and what was measured, seen from the frame as it moves now.
+
+    `shift_x_m` and `shift_y_m` are all of the anchor's way since the last tick. What of it, and of the change of
+    velocity, the frame's own velocity and acceleration explain, references do not notice.
+    """
+    _, vx0, vy0, _, ax0, ay0, _, _ = before
+    _, vx, vy, _, ax, ay, _, _ = now
     half = 0.5 * dt_s
+    north, east = half * (vx0 + vx), half * (vy0 + vy)
+    step_north, step_east = vx - vx0 - half * (ax0 + ax), vy - vy0 - half * (ay0 + ay)
+    at_x, speed_x, wx, at_y, speed_y, wy = measured
     return (
-        half * (vx0 + vx), half * (vy0 + vy), half * (vz0 + vz),
-        half * (ax0 + ax), half * (ay0 + ay), half * (az0 + az),
-    )  # fmt: skip
-
-
-def push(
-    x: AxisState, y: AxisState, before: Frame, now: Frame, by_x_m_s: float, by_y_m_s: float, c: float, s: float
-) -> tuple[AxisState, AxisState]:
-    """Both axes after the frame's velocity changed, of which `by` (NED) is explained by its acceleration."""
-    north = now.vx_m_s - before.vx_m_s - by_x_m_s
-    east = now.vy_m_s - before.vy_m_s - by_y_m_s
-    return frame.push(x, -(c * north + s * east)), frame.push(y, -(c * east - s * north))
+        frame.push(x, -(c * step_north + s * step_east)),
+        frame.push(y, -(c * step_east - s * step_north)),
+        shift_x_m - (c * north + s * east),
+        shift_y_m - (c * east - s * north),
+        Horizontal(
+            at_x,
+            speed_x - (c * vx + s * vy),
+            wx - (c * ax + s * ay) / gravity_m_s2,
+            at_y,
+            speed_y - (c * vy - s * vx),
+            wy - (c * ay - s * ax) / gravity_m_s2,
+        ),
+    )
 
 
 def climb(

@@ -68,6 +68,20 @@ class Jump(NamedTuple):
     yaw_rad: float
 
 
+class Horizontal(NamedTuple):
+    """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes.
+
+    On a trajectory all three are less the trajectory's own.
+    """
+
+    x_m: float
+    vx_m_s: float
+    wx: float
+    y_m: float
+    vy_m_s: float
+    wy: float
+
+
 class AttitudeSetpoint(NamedTuple):
     """Desired attitude (body to NED) and normalised collective thrust, 0 to 1."""
 
