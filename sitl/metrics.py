@@ -63,8 +63,11 @@ def score(config: Config, flight: Flight) -> Metrics:
     swing, late_swing = (float(np.ptp(e, axis=0).max()) for e in (error, error[-quarter:]))
     step = largest_step_m(config)
     plant = config.plant
+    moving = bool(config.mission.trajectories)  # and so does the error, to the end
     disturbed = plant is not None and (plant.wind is not None or plant.sensors is not None or plant.link is not None)
-    swings_on = (late_swing > 0.5 * swing and not disturbed) or 0.0 < 0.5 * step < rms(distance[-quarter:])
+    swings_on = (late_swing > 0.5 * swing and not disturbed and not moving) or 0.0 < 0.5 * step < rms(
+        distance[-quarter:]
+    )
     return Metrics(
         float(distance.max()),
         rms(distance),

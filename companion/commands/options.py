@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import NamedTuple
 
+from companion.commands.missions import add_mission, overrides
 from companion.config import Config, ConfigError, load_config
 from companion.config.plausible import slips
 
@@ -54,9 +55,13 @@ def add_config(parser: argparse.ArgumentParser, default: Path | None = None) -> 
 
 
 def config_file(namespace: argparse.Namespace) -> ConfigFile:
-    """What `add_config` declared; `--identify` is an override too, and what `--set` says of it counts more."""
+    """What `add_config` declared; `--identify` and `--mission` are overrides too, and what `--set` says counts more.
+
+    Raises `ConfigError`.
+    """
     first = ["mission={identification: {}}"] if getattr(namespace, "identify", False) else []
-    return ConfigFile(namespace.config, (*first, *namespace.overrides), getattr(namespace, "anyway", True))
+    stated = (*first, *overrides(namespace), *namespace.overrides)
+    return ConfigFile(namespace.config, stated, getattr(namespace, "anyway", True))
 
 
 def add_anyway(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +70,8 @@ def add_anyway(parser: argparse.ArgumentParser) -> None:
 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
-    """`--identify` and `--hedging`: what is flown, and by which controller."""
+    """`--identify`, `--mission` and `--hedging`: what is flown, and by which controller."""
+    add_mission(parser)
     parser.add_argument(
         "--identify",
         action="store_true",

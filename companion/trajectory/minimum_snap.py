@@ -1,7 +1,7 @@
 """The smoothest way through places at given times: the least integral of squared snap. Needs numpy; before flight.
 
 Every piece is a polynomial of degree 7, fixed by position, velocity, acceleration and jerk at its two ends. In units of
-its duration T these are ``d_k = T^k p^(k)``, and the integral of its squared snap is ``T^-7 d^T H d`` with a constant H.
+its duration T these are ``d_k = T^k p^(k)``, and the integral of its squared snap is ``T^-7 d^T H d``, H constant.
 Positions are given, the derivatives at the places between are free: the sum is a quadratic form whose minimum solves a
 block tridiagonal system, three numbers a place, in a time that grows with the number of places. Where derivatives are
 free the higher ones up to the sixth come out continuous, as the minimum wants it. (Mellinger and Kumar, "Minimum snap
@@ -82,7 +82,5 @@ def minimum_snap(
         derivatives[i] = np.linalg.solve(own[i], known)
     states = np.concatenate([places[:, None], derivatives], axis=1)  # (n, 4, axes)
     unit = np.concatenate([states[:-1] * scale[:, :, None], states[1:] * scale[:, :, None]], axis=1)
-    coefficients: npt.NDArray[np.float64] = (basis @ unit) / (
-        durations_s[:, None] ** np.arange(2 * _HALF)
-    )[:, :, None]
+    coefficients: npt.NDArray[np.float64] = (basis @ unit) / (durations_s[:, None] ** np.arange(2 * _HALF))[:, :, None]
     return coefficients

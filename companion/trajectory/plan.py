@@ -1,7 +1,7 @@
 """Waypoints of a QGroundControl plan (`.plan`, JSON), as places around its planned home.
 
-Source: docs.qgroundcontrol.com, "Plan File Format"; MAVLink common.xml, MAV_CMD and MAV_FRAME. Taken are waypoints, with
-the time to hold and the heading of each; the take-off before them and the landing or return behind are the pilot's.
+Source: docs.qgroundcontrol.com, "Plan File Format"; MAVLink common.xml, MAV_CMD and MAV_FRAME. Waypoints are taken,
+with the time to hold and the heading of each; take-off, landing and return are the pilot's.
 """
 
 from __future__ import annotations

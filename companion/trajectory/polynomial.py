@@ -77,9 +77,7 @@ def _stopped(at: Reference) -> Reference:
     return Reference(x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, yaw)
 
 
-def quintic(
-    begin: tuple[float, float, float], end: tuple[float, float, float], duration_s: float
-) -> tuple[float, ...]:
+def quintic(begin: tuple[float, float, float], end: tuple[float, float, float], duration_s: float) -> tuple[float, ...]:
     """Coefficients between two states (position, velocity, acceleration)."""
     p0, v0, a0 = begin
     t = duration_s

@@ -64,10 +64,10 @@ def from_table(table: Table, *, along_path: bool = False) -> Piecewise:
     states = [
         [(table[f"{c}_m"][k], table[f"v{c}_m_s"][k], table[f"a{c}_m_s2"][k]) for c in "xyz"] for k in range(len(times))
     ]
-    pieces = [
-        Piece(t, *(quintic(a, b, t) for a, b in zip(begin, end, strict=True)), yaw_rad=_short(turn, to))
-        for t, (begin, end), (turn, to) in zip(durations, pairwise(states), pairwise(turns), strict=True)
-    ]
+    pieces = []
+    for t, (begin, end), (turn, to) in zip(durations, pairwise(states), pairwise(turns), strict=True):
+        north, east, down = (quintic(a, b, t) for a, b in zip(begin, end, strict=True))
+        pieces.append(Piece(t, north, east, down, _short(turn, to)))
     return Piecewise(tuple(pieces), along_path)
 
 

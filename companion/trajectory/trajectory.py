@@ -65,6 +65,23 @@ class Hold:
 
 
 @dataclass(frozen=True)
+class Shifted:
+    """Another trajectory from another origin, its heading turned."""
+
+    trajectory: Trajectory
+    by: Place
+
+    @property
+    def duration_s(self) -> float:
+        """As long."""
+        return self.trajectory.duration_s
+
+    def at(self, time_s: float) -> Reference:
+        """The instant in its place."""
+        return moved(self.trajectory.at(time_s), self.by)
+
+
+@dataclass(frozen=True)
 class Stretched:
     """Another trajectory, slower by a factor: the same path, derivative k less by its k-th power."""
 

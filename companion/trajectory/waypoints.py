@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from companion.control.types import GRAVITY_M_S2
@@ -51,7 +52,7 @@ def piecewise(
 def _check(places: Sequence[Place]) -> None:
     if len(places) < 2:
         raise ValueError("a way needs two places at least")
-    for number, (one, other) in enumerate(zip(places, places[1:], strict=False), 2):
+    for number, (one, other) in enumerate(pairwise(places), 2):
         if math.dist(one[:3], other[:3]) < 1e-3:
             raise ValueError(f"place {number} is where place {number - 1} is: leave it out, or hold in between")
 

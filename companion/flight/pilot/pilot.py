@@ -10,9 +10,15 @@ from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, estimate_correction, mrac, position
 from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.pilot.controller_params import correction_params, hover_params, initial_weights, position_params
+from companion.flight.pilot.controller_params import (
+    correction_params,
+    hover_params,
+    initial_weights,
+    lead_params,
+    position_params,
+)
 from companion.flight.pilot.doublets import Manoeuvre
-from companion.flight.pilot.mission import Mission
+from companion.flight.pilot.mission import mission_of
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
@@ -31,7 +37,9 @@ class Pilot:
         self._config = config
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
-        self._mission = Mission(config.mission)
+        self._mission = mission_of(config)
+        if config.mission.trajectories:
+            self._params = self._params._replace(lead=lead_params(config))
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
         self.manoeuvre: Manoeuvre | None = None
@@ -70,6 +78,7 @@ class Pilot:
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self._mission.begin(self.origin)
         self._steered = False
         self._since_s = sample.time_s
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
@@ -96,11 +105,12 @@ class Pilot:
         """One tick in control."""
         assert self._control is not None  # take_over comes first
         self.elapsed_s = sample[0] - self._since_s
+        reference = None
         if not self._steered:
-            self.target = self._mission.command(self.elapsed_s, self.origin)
+            self.target, reference = self._mission.wanted(self.elapsed_s, self.origin)
         if self._correction_params is not None and self._correction is not None:
             self._correction, sample = estimate_correction.step(self._correction_params, self._correction, sample, dt_s)
-        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
+        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s, reference)
         self._sample = sample
         return self.last[0] if self.manoeuvre is None else self._excite(self.manoeuvre, sample, dt_s)
 
