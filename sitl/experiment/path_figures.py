@@ -26,7 +26,7 @@ def draw_path_figures(tracks: dict[str, Track], folder: Path) -> list[Path]:
     written = []
     with plt.rc_context(_STYLE):
         for name, draw, size in (
-            ("path_from_above", _from_above, (9.0, 6.0)),
+            ("path_from_above", _from_above, (9.0, 4.4)),
             ("error_over_time", _over_time, (9.0, 4.5)),
             ("error_over_speed", _over_speed, (9.0, 4.5)),
         ):
@@ -51,12 +51,12 @@ def _moving(track: Track) -> slice:
 
 
 def _from_above(axes: Any, tracks: dict[str, Track]) -> None:
+    first = next(iter(tracks.values()))
+    wanted = first.wanted_ned_m[_moving(first)] - first.wanted_ned_m[0]
+    axes.plot(wanted[:, 0], wanted[:, 1], color="0.75", lw=6.0, solid_capstyle="round", label="trajectory")
     for controller, track in reversed(tracks.items()):  # ours on top
         at = track.truth_ned_m[_moving(track)] - track.wanted_ned_m[0]
         axes.plot(at[:, 0], at[:, 1], color=_COLOURS[controller], lw=1.1, alpha=0.85, label=TITLES[controller])
-    first = next(iter(tracks.values()))
-    wanted = first.wanted_ned_m[_moving(first)] - first.wanted_ned_m[0]
-    axes.plot(wanted[:, 0], wanted[:, 1], color="black", lw=1.6, ls="--", label="trajectory")
     axes.set_aspect("equal")
     axes.set_xlabel("north [m]")
     axes.set_ylabel("east [m]")
