@@ -1,15 +1,16 @@
 """Trajectories one after the other, from where control began: what is between them is joined without a jump.
 
 Each leg counts its places from where control began, or, absolute, from the local origin. Where one does not begin as
-the one before has ended, in place, heading and all derivatives up to the snap, a transfer goes between them: the
-polynomial of degree 9 that continues both. What ends in motion is brought to rest.
+the one before has ended, in place, heading and all derivatives, the way on goes between them: what ends in motion is
+brought to rest, what begins in motion is led into from rest, and a transfer goes from the one place to the other.
+Each is the polynomial of degree 9 that continues both its ends up to the snap.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -21,6 +22,7 @@ from companion.trajectory.trajectory import Hold, Place, Trajectory, moved, rest
 _SAME: Final = 1e-6
 _ROUNDS: Final = 60
 _SLOWER: Final = 1.15
+_SHORTEST_S: Final = 0.5
 _PEAKS: Final = (2.47, 8.0, 52.5)  # of velocity, acceleration and jerk on a way of one in a second, from rest to rest
 
 
@@ -68,20 +70,25 @@ class Course:
         self.duration_s = 0.0
         here = rest(engaged)
         for leg in legs:
+            by = leg.origin(engaged)
+            if _moves(here) and (leg.stays or leg.steps or _apart(here, moved(leg.trajectory.at(0.0), by))):
+                here = self._join(brake(here, limits))
             if leg.stays:
-                if _moves(here):
-                    here = self._stop(here, limits)
                 hold = Hold(leg.trajectory.duration_s, (*here[:3], here.yaw_rad))
                 self._append(Placed(self.duration_s, hold, _NOWHERE, False))
                 continue
-            by = leg.origin(engaged)
             first = moved(leg.trajectory.at(0.0), by)
             if not leg.steps and _apart(here, first):
-                self._append(Placed(self.duration_s, transfer(here, first, limits), _NOWHERE, False))
+                start = lead_in(first, limits) if _moves(first) else None
+                into = first if start is None else start.at(0.0)
+                if _apart(here, into):
+                    self._join(transfer(here, into, limits))
+                if start is not None:
+                    self._join(start)
             self._append(Placed(self.duration_s, leg.trajectory, by, leg.steps))
             here = moved(leg.trajectory.at(leg.trajectory.duration_s), by)
         if _moves(here):
-            self._stop(here, limits)
+            self._join(brake(here, limits))
         self._begins = [placed.begin_s for placed in self._placed]
 
     def at(self, time_s: float) -> tuple[Reference, bool]:
@@ -89,8 +96,7 @@ class Course:
         begin_s, trajectory, by, steps = self._placed[max(bisect_right(self._begins, time_s) - 1, 0)]
         return moved(trajectory.at(time_s - begin_s), by), steps
 
-    def _stop(self, here: Reference, limits: Limits) -> Reference:
-        way = brake(here, limits)
+    def _join(self, way: Piecewise) -> Reference:
         self._append(Placed(self.duration_s, way, _NOWHERE, False))
         return way.at(way.duration_s)
 
@@ -103,36 +109,60 @@ _NOWHERE: Final = (0.0, 0.0, 0.0, 0.0)
 
 
 def transfer(begin: Reference, end: Reference, limits: Limits) -> Piecewise:
-    """From one instant to another, as fast as the limits allow within a seventh. Raises `ValueError`."""
+    """From rest to rest, as fast as the limits allow within a seventh. Raises `ValueError`."""
     way = math.dist(begin[:3], end[:3])
-    turn = math.atan2(math.sin(end.yaw_rad - begin.yaw_rad), math.cos(end.yaw_rad - begin.yaw_rad))
     peak_v, peak_a, peak_j = _PEAKS
-    duration = max(
-        0.5,
+    shortest_s = max(
+        _SHORTEST_S,
         peak_v * way / limits.speed_m_s,
         math.sqrt(peak_a * way / limits.acceleration_m_s2),
         (peak_j * way / limits.jerk_m_s3) ** (1.0 / 3.0),
-        1.9 * abs(turn) / limits.yaw_rate_rad_s,
+        1.9 * abs(_turn(begin, end)) / limits.yaw_rate_rad_s,
     )
-    found = None
-    for _ in range(_ROUNDS):
-        north, east, down = (nonic(begin[axis:15:3], end[axis:15:3], duration) for axis in range(3))
-        joined = Piecewise((Piece(duration, north, east, down, (begin.yaw_rad, begin.yaw_rad + turn)),))
-        found = excess(joined, limits)
-        if found is None:
-            return joined
-        duration *= _SLOWER
-    assert found is not None
-    raise ValueError(f"no way there within the limits: {found._replace(slower=math.inf).describe()}")
+    return _first_within(lambda duration_s: _between(begin, end, duration_s), shortest_s, limits)
+
+
+def lead_in(end: Reference, limits: Limits) -> Piecewise:
+    """From rest, wherever that has to be, to an instant in motion. Raises `ValueError`."""
+    return _first_within(
+        lambda duration_s: _between(_rest_near(end, -duration_s), end, duration_s), _SHORTEST_S, limits
+    )
 
 
 def brake(begin: Reference, limits: Limits) -> Piecewise:
-    """From an instant in motion to rest, straight on. Raises `ValueError`."""
-    speed = math.hypot(*begin[3:6])
-    duration = max(0.5, 4.0 * speed / limits.acceleration_m_s2)
-    x, y, z, vx, vy, vz = begin[:6]
-    half = 0.5 * duration
-    return transfer(begin, rest((x + half * vx, y + half * vy, z + half * vz, begin.yaw_rad)), limits)
+    """From an instant in motion to rest, wherever that will be. Raises `ValueError`."""
+    return _first_within(
+        lambda duration_s: _between(begin, _rest_near(begin, duration_s), duration_s), _SHORTEST_S, limits
+    )
+
+
+def _first_within(way: Callable[[float], Piecewise], shortest_s: float, limits: Limits) -> Piecewise:
+    """Of ways of growing duration the first that keeps the limits."""
+    for k in range(_ROUNDS):
+        found = way(shortest_s * _SLOWER**k)
+        too_much = excess(found, limits)
+        if too_much is None:
+            return found
+    assert too_much is not None
+    raise ValueError(f"there is no way on within the limits: {too_much._replace(slower=math.inf).describe()}")
+
+
+def _rest_near(at: Reference, duration_s: float) -> Reference:
+    """Where a vehicle would come to rest so much later, or, negative, would have been: the least jerk's place."""
+    t, h = 0.5 * duration_s, duration_s * duration_s / 12.0
+    x, y, z, vx, vy, vz, ax, ay, az = at[:9]
+    return rest((x + t * vx + h * ax, y + t * vy + h * ay, z + t * vz + h * az, at.yaw_rad))
+
+
+def _between(begin: Reference, end: Reference, duration_s: float) -> Piecewise:
+    north, east, down = (nonic(begin[axis:15:3], end[axis:15:3], duration_s) for axis in range(3))
+    turned = begin.yaw_rad + _turn(begin, end)
+    return Piecewise((Piece(duration_s, north, east, down, (begin.yaw_rad, turned)),))
+
+
+def _turn(begin: Reference, end: Reference) -> float:
+    between = end.yaw_rad - begin.yaw_rad
+    return math.atan2(math.sin(between), math.cos(between))
 
 
 def _apart(one: Reference, other: Reference) -> bool:

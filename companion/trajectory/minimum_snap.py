@@ -50,7 +50,8 @@ def minimum_snap(
     durations_s
         (n - 1,) of the pieces, positive.
     at_rest
-        Whether velocity, acceleration and jerk vanish at both ends; otherwise they are free there too.
+        Whether velocity, acceleration and jerk vanish at both ends; otherwise they are free there too, and n is at
+        least 4.
 
     Returns
     -------

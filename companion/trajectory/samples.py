@@ -48,6 +48,8 @@ def from_table(table: Table, *, along_path: bool = False) -> Piecewise:
     times = table["time_s"]
     if len(times) < 2:
         raise ValueError("fewer than two samples")
+    if not motion and len(times) < 4:
+        raise ValueError("fewer than four samples: without velocities and accelerations they say too little")
     if len(times) > _MOST:
         raise ValueError(f"more than {_MOST} samples")
     for number, row in enumerate(zip(*table.values(), strict=True), 1):
