@@ -95,9 +95,9 @@ def enter(
     """
     _, vx0, vy0, _, ax0, ay0, _, _ = before
     _, vx, vy, _, ax, ay, _, _ = now
-    half = 0.5 * dt_s
-    north, east = half * (vx0 + vx), half * (vy0 + vy)
-    step_north, step_east = vx - vx0 - half * (ax0 + ax), vy - vy0 - half * (ay0 + ay)
+    faster_north, faster_east = 0.5 * dt_s * (ax0 + ax), 0.5 * dt_s * (ay0 + ay)
+    step_north, step_east = vx - vx0 - faster_north, vy - vy0 - faster_east
+    north, east = dt_s * (vx - 0.5 * faster_north), dt_s * (vy - 0.5 * faster_east)  # a step came before the way
     at_x, speed_x, wx, at_y, speed_y, wy = measured
     return (
         frame.push(x, -(c * step_north + s * step_east)),
@@ -133,9 +133,9 @@ def climb(
 
     The state stays that of the fixed frame. `frame_z_m` is where the trajectory is now, down.
     """
-    half = 0.5 * dt_s
-    down, faster = half * (before.vz_m_s + now.vz_m_s), half * (before.az_m_s2 + now.az_m_s2)
     fed, velocity = now.fed_up, now.vz_m_s
+    faster = 0.5 * dt_s * (before.az_m_s2 + now.az_m_s2)
+    down = dt_s * (velocity - 0.5 * faster)
     state = altitude.shift(state, down - frame_z_m, faster - velocity)
     state, up = altitude.step(
         params, state, z_m - frame_z_m, velocity_down_m_s - velocity, 0.0, dt_s,
