@@ -82,8 +82,8 @@ def write_files(folder: Path) -> Path:
                     ]
                 }
             },
-            {"samples": {"file": str(folder / "circle.csv")}},
-            {"plan": {"file": str(folder / "field.plan")}},
+            {"samples": {"file": "circle.csv"}},
+            {"plan": {"file": "field.plan"}},
             {"circle": {"radius_m": 1.0, "speed_m_s": 1.0, "laps": 0.25}, "absolute": True, "offset_ned_m": [1, 1, -3]},
         ]
     }
