@@ -6,10 +6,9 @@ from pathlib import Path
 
 from companion.attitude_response.exact import decimal
 from companion.certify.problem import AxisProblem, Problem, Sampling
-from companion.config.attitude import ResponseSection
+from companion.config.attitude import ResponseSection, response_of
 from companion.config.controller import AxisSection, interval
 from companion.config.load import ConfigError
-from companion.config.response import response_of
 from companion.config.schema import Config
 from companion.control.types import GRAVITY_M_S2
 

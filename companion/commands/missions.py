@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from pathlib import Path
@@ -19,42 +18,28 @@ NAMES: Final = ("hold", "circle", "lemniscate")
 FILES: Final = {".csv": "samples", ".parquet": "samples", ".plan": "plan"}
 
 
-def add_mission(parser: argparse.ArgumentParser) -> None:
-    """Declare the three options."""
-    parser.add_argument(
-        "--mission",
-        metavar="NAME|FILE",
-        help=f"fly {', '.join(NAMES)}, a mission in YAML, samples (CSV, Parquet), or a .plan instead of the config's",
-    )
-    parser.add_argument(
-        "--speed", type=float, metavar="M_S", help="largest speed of a circle or lemniscate (default: 1)"
-    )
-    parser.add_argument("--stretch", action="store_true", help="slow a trajectory that asks for too much until it fits")
-
-
-def overrides(namespace: argparse.Namespace) -> list[str]:
+def overrides(name: str | None, speed: float | None, *, stretch: bool, identify: bool) -> list[str]:
     """What the options say of the config. Raises `ConfigError`."""
-    name, speed = getattr(namespace, "mission", None), getattr(namespace, "speed", None)
-    stretch = ["mission.stretch=true"] if getattr(namespace, "stretch", False) else []
+    slow = ["mission.stretch=true"] if stretch else []
     if name is None:
         if speed is not None:
             raise ConfigError("--speed is that of a --mission circle or lemniscate: name one")
-        return stretch
-    if getattr(namespace, "identify", False):
+        return slow
+    if identify:
         raise ConfigError("--identify flies doublets: leave out --mission")
     curve = name in ("circle", "lemniscate")
     if speed is not None and not (curve and math.isfinite(speed) and speed > 0.0):
         raise ConfigError(f"--speed {speed:g}: a positive speed of --mission circle or lemniscate")
     if name in NAMES:
-        return [_text({"trajectories": _named(name, speed or _SPEED_M_S)}), *stretch]
+        return [_text({"trajectories": _named(name, speed or _SPEED_M_S)}), *slow]
     path = Path(name).expanduser()
     kind = FILES.get(path.suffix.lower())
     if path.suffix.lower() in (".yaml", ".yml"):
-        return [_text({"file": str(path.absolute())}), *stretch]
+        return [_text({"file": str(path.absolute())}), *slow]
     if kind is None:
         raise ConfigError(f"--mission {name}: none of {', '.join(NAMES)}, and no file that ends in .yaml, "
                           f"{', '.join(FILES)}")  # fmt: skip
-    return [_text({"trajectories": [{"hold_s": _BEGIN_S}, {kind: {"file": str(path.absolute())}}]}), *stretch]
+    return [_text({"trajectories": [{"hold_s": _BEGIN_S}, {kind: {"file": str(path.absolute())}}]}), *slow]
 
 
 def _named(name: str, speed_m_s: float) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.commands.missions import add_mission, overrides
+from companion.commands.missions import NAMES, overrides
 from companion.config import Config, ConfigError, load_config
 from companion.config.plausible import slips
 
@@ -59,9 +59,11 @@ def config_file(namespace: argparse.Namespace) -> ConfigFile:
 
     Raises `ConfigError`.
     """
-    first = ["mission={identification: {}}"] if getattr(namespace, "identify", False) else []
-    stated = (*first, *overrides(namespace), *namespace.overrides)
-    return ConfigFile(namespace.config, stated, getattr(namespace, "anyway", True))
+    identify = getattr(namespace, "identify", False)
+    first = ["mission={identification: {}}"] if identify else []
+    if hasattr(namespace, "mission"):
+        first += overrides(namespace.mission, namespace.speed, stretch=namespace.stretch, identify=identify)
+    return ConfigFile(namespace.config, (*first, *namespace.overrides), getattr(namespace, "anyway", True))
 
 
 def add_anyway(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +73,15 @@ def add_anyway(parser: argparse.ArgumentParser) -> None:
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """`--identify`, `--mission` and `--hedging`: what is flown, and by which controller."""
-    add_mission(parser)
+    parser.add_argument(
+        "--mission",
+        metavar="NAME|FILE",
+        help=f"fly {', '.join(NAMES)}, a mission in YAML, samples (CSV, Parquet), or a .plan instead of the config's",
+    )
+    parser.add_argument(
+        "--speed", type=float, metavar="M_S", help="largest speed of a circle or lemniscate (default: 1)"
+    )
+    parser.add_argument("--stretch", action="store_true", help="slow a trajectory that asks for too much until it fits")
     parser.add_argument(
         "--identify",
         action="store_true",

@@ -18,10 +18,10 @@ from companion.config.estimator import EstimatorSection
 from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
+from companion.config.mission.flown import check_trajectories
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
 from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
-from companion.config.trajectories import check_trajectories
 from companion.config.vehicles import VEHICLE_KINDS, VehicleKind, VehicleName
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
-    import numpy.typing as npt
 
 _HALF = 4  # derivatives at an end: from the position to the jerk
 
@@ -39,8 +38,8 @@ def _hermite() -> tuple[Any, Any]:
 
 
 def minimum_snap(
-    places: npt.NDArray[np.float64], durations_s: npt.NDArray[np.float64], *, at_rest: bool = True
-) -> npt.NDArray[np.float64]:
+    places: np.typing.NDArray[np.float64], durations_s: np.typing.NDArray[np.float64], *, at_rest: bool = True
+) -> np.typing.NDArray[np.float64]:
     """Coefficients of the pieces, from the constant one up.
 
     Parameters
@@ -83,5 +82,7 @@ def minimum_snap(
         derivatives[i] = np.linalg.solve(own[i], known)
     states = np.concatenate([places[:, None], derivatives], axis=1)  # (n, 4, axes)
     unit = np.concatenate([states[:-1] * scale[:, :, None], states[1:] * scale[:, :, None]], axis=1)
-    coefficients: npt.NDArray[np.float64] = (basis @ unit) / (durations_s[:, None] ** np.arange(2 * _HALF))[:, :, None]
+    coefficients: np.typing.NDArray[np.float64] = (basis @ unit) / (durations_s[:, None] ** np.arange(2 * _HALF))[
+        :, :, None
+    ]
     return coefficients

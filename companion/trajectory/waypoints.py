@@ -15,7 +15,6 @@ from companion.trajectory.trajectory import Place
 
 if TYPE_CHECKING:
     import numpy as np
-    import numpy.typing as npt
 
 _ROUNDS: Final = 10
 _SHIFT: Final = 0.3  # of the time in hand, as a power: pieces beside a short one overshoot
@@ -93,8 +92,8 @@ def allocate(places: Sequence[Place], limits: Limits, *, along_path: bool = Fals
 
 
 def _used(
-    pieces: npt.NDArray[np.float64], durations_s: npt.NDArray[np.float64], limits: Limits, along_path: bool
-) -> npt.NDArray[np.float64]:
+    pieces: np.typing.NDArray[np.float64], durations_s: np.typing.NDArray[np.float64], limits: Limits, along_path: bool
+) -> np.typing.NDArray[np.float64]:
     """How much slower each piece would have to be for every limit, (n - 1,); below one it has time in hand."""
     import numpy as np  # noqa: PLC0415
 
@@ -115,17 +114,17 @@ def _used(
         turning = velocity[:, :, 0] * acceleration[:, :, 1] - velocity[:, :, 1] * acceleration[:, :, 0]
         square = np.maximum(velocity[:, :, 0] ** 2 + velocity[:, :, 1] ** 2, MOVING_M_S**2)
         asked.append(np.abs(turning) / square / limits.yaw_rate_rad_s)
-    found: npt.NDArray[np.float64] = np.max(asked, axis=(0, 2))
+    found: np.typing.NDArray[np.float64] = np.max(asked, axis=(0, 2))
     return found
 
 
 def _derivative(
-    pieces: npt.NDArray[np.float64], times_s: npt.NDArray[np.float64], order: int
-) -> npt.NDArray[np.float64]:
+    pieces: np.typing.NDArray[np.float64], times_s: np.typing.NDArray[np.float64], order: int
+) -> np.typing.NDArray[np.float64]:
     """(pieces, probes, axes)."""
     import numpy as np  # noqa: PLC0415
 
     powers = np.arange(order, pieces.shape[1])
     factors = np.array([math.perm(int(power), order) for power in powers], dtype=float)
-    values: npt.NDArray[np.float64] = (times_s[:, :, None] ** (powers - order) * factors) @ pieces[:, order:, :]
+    values: np.typing.NDArray[np.float64] = (times_s[:, :, None] ** (powers - order) * factors) @ pieces[:, order:, :]
     return values

@@ -27,12 +27,8 @@ def flown(controller: str, folder: Path, *settings: str) -> PathScores:
 
 
 def eight(speed_m_s: float) -> str:
-    """As `--mission lemniscate --speed`, for argparse alone knows the rest."""
-
-    class Namespace:
-        mission, speed = "lemniscate", speed_m_s
-
-    (text,) = overrides(Namespace)  # type: ignore[arg-type]
+    """As `--mission lemniscate --speed`."""
+    (text,) = overrides("lemniscate", speed_m_s, stretch=False, identify=False)
     return text
 
 

@@ -159,7 +159,7 @@ class TrajectoryLimitsSection(Section):
     speed_m_s: Positive = 5.0
     """Largest speed along a trajectory."""
     jerk_m_s3: Positive = 20.0
-    """Largest jerk along a trajectory."""
+    """[m/s3] Largest jerk along a trajectory."""
 
 
 def _from_folder(path: Path, info: ValidationInfo) -> Path:

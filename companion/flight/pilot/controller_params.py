@@ -6,8 +6,8 @@ import math
 
 from companion.attitude_response.inverse import inverse
 from companion.config import Config
+from companion.config.attitude import response_of
 from companion.config.controller import AdaptationRates, AxisSection, BiasSection, interval
-from companion.config.response import response_of
 from companion.control.altitude import AltitudeParams
 from companion.control.estimate_correction import CorrectionParams
 from companion.control.hover import HoverParams

@@ -6,8 +6,8 @@ import math
 from bisect import bisect_right
 
 from companion.config.mission import MissionSection
+from companion.config.mission.flown import legs_of, limits_of
 from companion.config.schema import Config
-from companion.config.trajectories import legs_of, limits_of
 from companion.control.types import PositionSetpoint, Reference
 from companion.trajectory.course import Course
 from companion.trajectory.trajectory import moved

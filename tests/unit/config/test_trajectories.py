@@ -7,7 +7,7 @@ import pytest
 from harness.processes import ROOT
 
 from companion.config import ConfigError, load_config
-from companion.config.trajectories import legs_of, limits_of
+from companion.config.mission.flown import legs_of, limits_of
 from companion.control.types import PositionSetpoint
 from companion.flight.pilot.mission import TrajectoryMission
 from companion.trajectory.feasibility import excess

@@ -7,7 +7,7 @@ from harness.processes import ROOT
 
 from companion.attitude_response.inverse import inverse
 from companion.config import load_config
-from companion.config.response import response_of
+from companion.config.attitude import response_of
 from companion.control import altitude, position, tracking
 from companion.control.types import Odometry, PositionSetpoint, Reference
 from companion.flight.pilot.controller_params import initial_weights, lead_params, position_params

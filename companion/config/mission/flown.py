@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from companion.attitude_response.inverse import inverse
-from companion.config.attitude import AttitudeSection
+from companion.config.attitude import AttitudeSection, response_of
 from companion.config.base import Vector
 from companion.config.controller import ControllerSection
 from companion.config.guards.fence import FenceSection
 from companion.config.mission import MissionSection
 from companion.config.mission.trajectories import TrajectorySection
-from companion.config.response import response_of
 from companion.trajectory.course import Course, Leg
 from companion.trajectory.curves import Circle, Lemniscate
 from companion.trajectory.feasibility import Limits, excess, farthest, stretched
