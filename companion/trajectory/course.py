@@ -93,7 +93,8 @@ class Course:
 
     def at(self, time_s: float) -> tuple[Reference, bool]:
         """(the instant, whether it is a set-point to travel to)."""
-        begin_s, trajectory, by, steps = self._placed[max(bisect_right(self._begins, time_s) - 1, 0)]
+        index = bisect_right(self._begins, time_s) - 1
+        begin_s, trajectory, by, steps = self._placed[index if index > 0 else 0]
         return moved(trajectory.at(time_s - begin_s), by), steps
 
     def _join(self, way: Piecewise) -> Reference:

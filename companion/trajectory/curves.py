@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 from companion.control.types import Reference
 from companion.trajectory.series import Series, polynomial, scaled, sine_cosine
-from companion.trajectory.trajectory import instant
+from companion.trajectory.trajectory import level
 
 _RAMP = (0.0, 0.0, 0.0, 0.0, 0.0, 7.0, -14.0, 10.0, -2.5)  # integral of the rate over a ramp of one second: 1/2 at 1
 
@@ -25,12 +26,12 @@ class Phase:
     rate_rad_s: float
     wanted_ramp_s: float
 
-    @property
+    @cached_property
     def ramp_s(self) -> float:
         """How long it takes to reach the rate."""
         return min(self.wanted_ramp_s, self.total_rad / self.rate_rad_s)
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """From rest to rest."""
         return self.total_rad / self.rate_rad_s + self.ramp_s
@@ -68,12 +69,12 @@ class Circle:
     along_path: bool = False
     yaw_rad: float = 0.0
 
-    @property
+    @cached_property
     def phase(self) -> Phase:
         """Angle travelled."""
         return Phase(2.0 * math.pi * self.laps, self.speed_m_s / self.radius_m, self.ramp_s)
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """From rest to rest."""
         return self.phase.duration_s
@@ -85,7 +86,7 @@ class Circle:
         side = 1.0 if self.clockwise else -1.0
         east = scaled((1.0 - c0, -c1, -c2, -c3, -c4), side * self.radius_m)
         yaw = side * phase[0] if self.along_path else self.yaw_rad
-        return instant(scaled(sine, self.radius_m), east, (0.0,) * 5, yaw)
+        return level(scaled(sine, self.radius_m), east, yaw)
 
 
 @dataclass(frozen=True)
@@ -103,13 +104,13 @@ class Lemniscate:
     along_path: bool = False
     yaw_rad: float = 0.0
 
-    @property
+    @cached_property
     def phase(self) -> Phase:
         """The p of above."""
         rate = self.speed_m_s / math.hypot(0.5 * self.length_m, self.width_m)
         return Phase(2.0 * math.pi * self.laps, rate, self.ramp_s)
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """From rest to rest."""
         return self.phase.duration_s
@@ -123,4 +124,4 @@ class Lemniscate:
         yaw = self.yaw_rad
         if self.along_path:
             yaw = math.atan2(2.0 * half_width * math.cos(2.0 * phase[0]), half_length * math.cos(phase[0]))
-        return instant(scaled(sine, half_length), scaled(sine2, half_width), (0.0,) * 5, yaw)
+        return level(scaled(sine, half_length), scaled(sine2, half_width), yaw)

@@ -18,6 +18,10 @@ def sine_cosine(phase: Series) -> tuple[Series, Series]:
     p0, p1, p2, p3, p4 = phase
     s0, c0 = math.sin(p0), math.cos(p0)
     s1, c1 = p1 * c0, -p1 * s0
+    if p2 == 0.0 and p3 == 0.0 and p4 == 0.0:  # at a constant rate, which is most of the time
+        half, third = 0.5 * p1 * p1, p1 / 3.0
+        s2, c2 = -half * s0, -half * c0
+        return (s0, s1, s2, third * c2, -0.5 * half * s2 / 3.0), (c0, c1, c2, -third * s2, -0.5 * half * c2 / 3.0)
     s2, c2 = (p1 * c1 + 2.0 * p2 * c0) / 2.0, -(p1 * s1 + 2.0 * p2 * s0) / 2.0
     s3 = (p1 * c2 + 2.0 * p2 * c1 + 3.0 * p3 * c0) / 3.0
     c3 = -(p1 * s2 + 2.0 * p2 * s1 + 3.0 * p3 * s0) / 3.0

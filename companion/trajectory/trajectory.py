@@ -38,6 +38,15 @@ def instant(north: Series, east: Series, down: Series, yaw_rad: float) -> Refere
     )  # fmt: skip
 
 
+def level(north: Series, east: Series, yaw_rad: float) -> Reference:
+    """The same in a horizontal plane."""
+    x, vx, ax, jx, sx = north
+    y, vy, ay, jy, sy = east
+    return Reference(
+        x, y, 0.0, vx, vy, 0.0, 2.0 * ax, 2.0 * ay, 0.0, 6.0 * jx, 6.0 * jy, 0.0, 24.0 * sx, 24.0 * sy, 0.0, yaw_rad
+    )
+
+
 def rest(place: Place) -> Reference:
     """At rest in a place."""
     x, y, z, yaw = place
@@ -46,10 +55,11 @@ def rest(place: Place) -> Reference:
 
 def moved(instant: Reference, by: PositionSetpoint | Place) -> Reference:
     """The same instant with its origin elsewhere, its heading turned; the path is not turned with it."""
-    x, y, z, yaw = by
-    return instant._replace(
-        x_m=instant.x_m + x, y_m=instant.y_m + y, z_m=instant.z_m + z, yaw_rad=instant.yaw_rad + yaw
-    )
+    north, east, down, turn = by
+    x, y, z, vx, vy, vz, ax, ay, az, jx, jy, jz, sx, sy, sz, yaw = instant
+    return Reference(
+        x + north, y + east, z + down, vx, vy, vz, ax, ay, az, jx, jy, jz, sx, sy, sz, yaw + turn
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
