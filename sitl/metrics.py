@@ -64,11 +64,12 @@ def score(config: Config, flight: Flight) -> Metrics:
 
     swing = float(np.ptp(error, axis=0).max())
     plant = config.plant
+    moving = bool(config.mission.trajectories)  # and so does the error, to the end
     disturbed = plant is not None and (plant.wind is not None or plant.sensors is not None or plant.link is not None)
     stairs = _stairs(ticks)
     first, end = next((s for s in reversed(stairs) if _lasts_s(ticks, s) >= _STAIR_S), (0, len(ticks)))
     never_settled = 0.0 < largest_step_m(config) < rms(distance[(first + end) // 2 : end])
-    unstable = never_settled or (not disturbed and grown(ticks, distance))
+    unstable = never_settled or (not disturbed and not moving and grown(ticks, distance))
     return Metrics(
         float(distance.max()),
         rms(distance),

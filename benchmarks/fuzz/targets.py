@@ -23,7 +23,7 @@ from companion.errors import CompanionError
 from companion.flight.host.clock import Clock
 from companion.flight.vehicle_link.link import VehicleLink
 from companion.identify import traffic
-from companion.identify.ulog import _check_whole
+from companion.identify import ulog as ulog_log
 from companion.mavlink.codec import MAX_FRAME_BYTES, Frame, FrameParser, crc_extra
 from companion.mavlink.logs.client import newest
 from companion.mavlink.logs.protocol import LOG_DATA, LOG_ENTRY, LogEntry, LogFetch, LogList
@@ -130,13 +130,13 @@ def certificate(data: bytes) -> None:
 
 
 def ulog(data: bytes) -> None:
-    """What is looked at of a ULog before pyulog reads it."""
+    """A ULog, as a download is checked and as identification reads it."""
     path = _FOLDER / "log.ulg"
     path.write_bytes(data)
     found = extent(path)
     assert 0 <= found.bytes_read <= found.size_bytes == len(data) or found.problem
     try:
-        _check_whole(path, data)
+        ulog_log.read(path)
     except CompanionError as error:
         one_line(error)
 

@@ -130,6 +130,10 @@ def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         MissionSection.model_validate(content)
     except ValidationError as error:
         raise ConfigError(f"{path}: {_one_line(error)}") from None
+    for trajectory in content.get("trajectories", ()):  # its files lie beside it
+        for kind in ("samples", "plan"):
+            if trajectory.get(kind) is not None:
+                trajectory[kind]["file"] = str(path.parent.absolute() / trajectory[kind]["file"])
     beside = {key: value for key, value in mission.items() if key != "file"}
     return {**data, "mission": {**content, **beside}}
 

@@ -18,6 +18,7 @@ from companion.config.estimator import EstimatorSection
 from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
+from companion.config.mission.flown import check_trajectories
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
 from companion.config.service import LogSection, ReleaseSection, ServiceSection, SteeringSection
@@ -128,6 +129,10 @@ class Config(Section):
         check_fence(self.guards.fence, self.mission)
         check_steering(self.steering, self.guards.fence, self.controller)
         check_reach(self.controller, self.mission)
+        if self.mission.trajectories:
+            if kind.one_axis:
+                raise ValueError(f"a {kind.name} flies along one axis: mission.trajectories are for free flight")
+            check_trajectories(self.mission, self.controller, self.attitude, self.guards.fence, hover)
         flown = self.mission.identification
         if flown is not None:
             amplitude_deg(self.controller, self.guards.fence, flown)  # or it raises

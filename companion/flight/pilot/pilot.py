@@ -15,10 +15,11 @@ from companion.flight.pilot.controller_params import (
     correction_params,
     hover_params,
     initial_weights,
+    lead_params,
     position_params,
 )
 from companion.flight.pilot.doublets import Manoeuvre
-from companion.flight.pilot.mission import Mission
+from companion.flight.pilot.mission import mission_of
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
@@ -38,7 +39,9 @@ class Pilot:
         self._config = config
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
-        self._mission = Mission(config.mission)
+        self._mission = mission_of(config)
+        if config.mission.trajectories:
+            self._params = self._params._replace(lead=lead_params(config))
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
         self.manoeuvre: Manoeuvre | None = None
@@ -92,6 +95,7 @@ class Pilot:
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self._mission.begin(self.origin)
         self._steered = False
         self._since_s = sample.time_s
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
@@ -118,11 +122,12 @@ class Pilot:
         """One tick in control."""
         assert self._control is not None  # take_over comes first
         self.elapsed_s = sample[0] - self._since_s
+        reference = None
         if not self._steered:
-            self.target = self._mission.command(self.elapsed_s, self.origin)
+            self.target, reference = self._mission.wanted(self.elapsed_s, self.origin)
         if self._correction_params is not None and self._correction is not None:
             self._correction, sample = estimate_correction.step(self._correction_params, self._correction, sample, dt_s)
-        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
+        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s, reference)
         self._sample = sample
         return self.last[0] if self.manoeuvre is None else self._excite(self.manoeuvre, sample, dt_s)
 
@@ -193,7 +198,7 @@ class Pilot:
         """The tick just flown, as `companion.record.schema` has it."""
         assert self._control is not None
         assert self.last is not None
-        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _ = self._control
+        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _, _ = self._control
         _, (at_x, vx, _, at_y, vy, _), (_, _, _, deficit_x), (_, _, _, deficit_y), limited, thrust_limited = self.last
         ideal_x, ideal_vx, reference_x, reference_vx, weight_x, weight_vx, command_x, u_x, w_x, bias_x = x
         ideal_y, ideal_vy, reference_y, reference_vy, weight_y, weight_vy, command_y, u_y, w_y, bias_y = y
