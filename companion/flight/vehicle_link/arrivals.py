@@ -19,10 +19,13 @@ _MOST: Final = 512  # datagrams taken at once then
 
 
 class Arrivals:
-    """Receives from a link. `wall_s` tells the time. Attribute: `waiting`, datagrams behind the one received last."""
+    """Receives from a link. `wall_s` tells the time, None in lockstep, where nothing comes unasked.
 
-    def __init__(self, link: Link, wall_s: Callable[[], float]) -> None:
-        self._receive = link.receive
+    Attribute: `waiting`, datagrams behind the one received last.
+    """
+
+    def __init__(self, link: Link, wall_s: Callable[[], float] | None) -> None:
+        self._link = link
         self._take: Callable[[int], list[bytes]] | None = getattr(link, "waiting", None)  # a socket alone has a queue
         self._wall_s = wall_s
         self._left = _LOOK_EVERY  # datagrams until it is looked again
@@ -31,7 +34,7 @@ class Arrivals:
 
     def receive(self) -> bytes:
         """The next bytes of the link, or none within its timeout; with what waits behind them, in a crowd."""
-        data = self._receive()
+        data = self._link.receive()
         self._left -= 1
         if not self._left:
             self._look()
@@ -39,7 +42,7 @@ class Arrivals:
 
     def _look(self) -> None:
         """How fast they come; and take what waits, where that is too fast."""
-        if self._take is None:
+        if self._take is None or self._wall_s is None:
             return
         if self._crowded:
             self.waiting = self._take(_MOST)

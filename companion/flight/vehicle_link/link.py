@@ -71,7 +71,7 @@ class VehicleLink:
         self._ground_station = GroundStation(one_axis=config.vehicle_kind.one_axis)
         self._count = 0  # of frames sent: the sequence is the rest of it by 256
         self._sent = [b""] * KEPT
-        self._arrivals = Arrivals(link, clock.wall_s)
+        self._arrivals = Arrivals(link, None if clock.lockstep else clock.wall_s)
         self.receive = self._arrivals.receive
         self.steering: deque[Frame] = deque(maxlen=_MOST_STEERING)
         self.pose = pose = PoseSource()
