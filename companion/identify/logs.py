@@ -100,7 +100,7 @@ def _checked(recording: Recording, system_id: int | None) -> Recording:
         raise LogError(f"{path}: no set-points or no attitude to speak of: fly doublets in OFFBOARD")
     if not (np.isfinite(track.setpoint_rad).all() and np.isfinite(track.attitude_rad).all()):
         raise LogError(f"{path}: an attitude or a set-point is not a number: fly again")
-    if not len(recording.following):
+    if not len(recording.following) and (recording.in_flight is None or not len(recording.in_flight)):
         raise LogError(
             f"{path}: the vehicle was never armed in a mode that follows attitude set-points: fly doublets in OFFBOARD"
         )

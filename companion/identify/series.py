@@ -75,7 +75,8 @@ class Recording(NamedTuple):
     track
         Set-points and attitude in the log's first clock: ours where it has it, else the vehicle's.
     following
-        Shape (k, 2): from when to when the vehicle was armed and followed attitude set-points, s in the track's clock.
+        Shape (k, 2): from when to when the vehicle was armed and followed a stream of attitude set-points (OFFBOARD), s
+        in the track's clock.
     setpoint_q
         Shape (n, 4), float32: the set-points as quaternions, by which the same flight is recognised in another log.
     lateness_s
@@ -93,6 +94,9 @@ class Recording(NamedTuple):
         None where the log does not have it.
     px4_version
         The vehicle's, as "1.17"; None where the log does not tell.
+    in_flight
+        Shape (k, 2): from when to when the vehicle was in the air and followed attitude set-points, whoever made them:
+        a companion, sticks, or its own position controller. None where `following` is all that the log tells.
     """
 
     path: Path
@@ -108,6 +112,7 @@ class Recording(NamedTuple):
     gains: dict[str, float]
     estimate: Estimate | None = None
     px4_version: str | None = None
+    in_flight: Floats | None = None
 
 
 def angles(q_wxyz: npt.NDArray[Any]) -> Floats:

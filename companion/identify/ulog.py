@@ -44,6 +44,8 @@ TOPICS: Final = (
     "control_allocator_status",
     "actuator_motors",
     "vehicle_local_position",
+    "vehicle_land_detected",
+    "autotune_attitude_control_status",
 )
 GAINS: Final = (
     "MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K",
@@ -52,7 +54,10 @@ GAINS: Final = (
 _RELEASE: Final = "ver_sw_release"
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
 _OFFBOARD: Final = 14  # VehicleStatus.NAVIGATION_STATE_OFFBOARD
-_FOLLOWING: Final = (_OFFBOARD, 15, 1)  # with Stabilized and Altitude: attitude set-points come from outside
+_STREAMED: Final = (_OFFBOARD,)
+_FLOWN: Final = (_OFFBOARD, 15, 1, 2, 6, 3, 4, 5, 19, 21)
+"""With Stabilized, Altitude, Position and slow Position, by sticks; Mission, Hold, Return, Follow and Orbit."""
+_NEAR_GROUND_S: Final = 2.0
 _AT_LIMIT: Final = 0.995
 _CLOCK_TOLERANCE_S: Final = 0.0
 
@@ -86,6 +91,7 @@ def read(path: Path) -> Recording:
         {name: float(parameters[name]) for name in GAINS if name in parameters},
         _estimate(path, log),
         _px4_version(log),
+        _in_flight(path, log, time_s[-1]),
     )
 
 
@@ -153,13 +159,41 @@ def _system_id(log: ULog, parameters: dict[str, Any]) -> int:
 
 
 def _following(path: Path, log: ULog, end_s: float) -> Floats:
-    """When the vehicle was armed, in a mode whose attitude set-points come from outside, and controlled attitude."""
+    """When the vehicle was armed and followed a stream of attitude set-points from outside."""
+    return _controlled(path, log, end_s, _STREAMED)
+
+
+def _in_flight(path: Path, log: ULog, end_s: float) -> Floats:
+    """When it was off the ground and controlled attitude, whoever made the set-points; nothing where it does not tell.
+
+    While PX4 tunes itself it adds rates to what the attitude loop wants: that is no answer to the set-point.
+    """
+    landed = _topic(log, "vehicle_land_detected")
+    if landed is None or "landed" not in landed:
+        return np.empty((0, 2))
+    time_s, keep = _times(path, landed, "vehicle_land_detected")
+    touching = np.zeros(len(keep), dtype=bool)
+    for field in ("landed", "maybe_landed", "ground_contact"):
+        if field in landed:
+            touching |= landed[field][keep].astype(bool)
+    off = spans(time_s, ~touching, end_s) + np.array([_NEAR_GROUND_S, -_NEAR_GROUND_S])
+    flown = intersect(_controlled(path, log, end_s, _FLOWN), off)
+    tuning = _topic(log, "autotune_attitude_control_status")
+    if tuning is not None and "state" in tuning:
+        time_s, keep = _times(path, tuning, "autotune_attitude_control_status")
+        for start, stop in spans(time_s, tuning["state"][keep] != 0, end_s):
+            flown = intersect(flown, np.array([[-np.inf, start], [stop, np.inf]]))
+    return flown
+
+
+def _controlled(path: Path, log: ULog, end_s: float, modes: tuple[int, ...]) -> Floats:
+    """When the vehicle was armed, in one of some modes, and controlled attitude; not in OFFBOARD by position."""
     status = _topic(log, "vehicle_status")
     if status is None:
         raise LogError(f"{path}: no vehicle_status: it cannot be told when the vehicle followed set-points: log it")
     time_s, keep = _times(path, status, "vehicle_status")
     armed = status["arming_state"][keep] == _ARMED
-    followed = spans(time_s, armed & np.isin(status["nav_state"][keep], _FOLLOWING), end_s)
+    followed = spans(time_s, armed & np.isin(status["nav_state"][keep], modes), end_s)
     control = _topic(log, "vehicle_control_mode")
     if control is not None and "flag_control_attitude_enabled" in control:
         time_s, keep = _times(path, control, "vehicle_control_mode")
