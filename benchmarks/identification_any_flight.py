@@ -18,13 +18,15 @@ import argparse
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from random import Random
 from typing import NamedTuple
 
 import harness_path  # noqa: F401 - finds `harness`
 import numpy as np
-from harness.any_flight import CONTROL_S, DURATION_S, KINDS, Truth, fly
+from harness.any_flight import CONTROL_S, DURATION_S, KINDS, Truth, drawn, fly
 
-from companion.identify.identification import PREDICTION, AxisIdentification, identify
+from companion.identify.compare import EQUAL, FASTER, SLOWER, compare
+from companion.identify.identification import PREDICTION, AxisIdentification, Identification, identify
 from companion.identify.series import LogError
 
 MODEL = "second_order_delay"
@@ -94,10 +96,49 @@ def report(kind: str, found: list[Found]) -> None:
         )
 
 
+def _identified(kind: str, seed: int, duration_s: float, truth: dict[str, Truth]) -> Identification | str:
+    try:
+        return identify([fly(kind, seed, duration_s, truth).recording])
+    except LogError as error:
+        return str(error)
+
+
+def pair(kind: str, duration_s: float, ratio: float, seed: int) -> tuple[list[str], list[str]] | str:
+    """Verdicts by axis of a pair of equal vehicles, and of one whose second is `ratio` times as fast."""
+    truth = drawn(Random(f"pair {seed}"))
+    faster = {axis: t._replace(natural_frequency_rad_s=ratio * t.natural_frequency_rad_s) for axis, t in truth.items()}
+    flights = ((10_000 + seed, truth), (20_000 + seed, truth), (30_000 + seed, faster))
+    found = [_identified(kind, number, duration_s, vehicle) for number, vehicle in flights]
+    verdicts = []
+    for other in found[1:]:
+        if isinstance(found[0], str) or isinstance(other, str):
+            return next(f for f in found if isinstance(f, str))
+        try:
+            verdicts.append([axis.verdict for axis in compare(found[0], other).axes.values()])
+        except LogError as error:
+            return str(error)
+    return verdicts[0], verdicts[1]
+
+
+def report_pairs(kind: str, ratio: float, found: list[tuple[list[str], list[str]] | str]) -> None:
+    pairs = [f for f in found if not isinstance(f, str)]
+    different = sum(any(v != EQUAL for v in same) for same, _ in pairs)
+    changed = [v for _, other in pairs for v in other]
+    right = FASTER if ratio > 1.0 else SLOWER
+    told = sum(all(v == right for v in other) for _, other in pairs)
+    print(
+        f"{kind}: of {len(pairs)} pairs of equal vehicles {different} called different; {ratio:g} times the bandwidth "
+        f"told in both axes of {told} pairs, in {changed.count(right)} of {len(changed)} axes; "
+        f"{len(found) - len(pairs)} pairs not identified"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Identification from any flight.")
     parser.add_argument("--flights", type=int, default=100)
     parser.add_argument("--kind", choices=KINDS, action="append")
+    parser.add_argument("--compare", action="store_true")
+    parser.add_argument("--ratio", type=float, default=1.2)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--duration", type=float, help="seconds; by default as long as the kind needs")
@@ -106,6 +147,10 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for kind in arguments.kind or KINDS:
             duration_s = arguments.duration or DURATION_S[kind]
+            if arguments.compare:
+                made = pool.map(partial(pair, kind, duration_s, arguments.ratio), seeds)
+                report_pairs(kind, arguments.ratio, list(made))
+                continue
             report(kind, list(pool.map(partial(one, kind, duration_s), seeds)))
 
 
