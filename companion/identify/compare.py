@@ -64,10 +64,10 @@ def compare(before: Identification, after: Identification) -> Comparison:
         for reason in (before.refused.get(axis), after.refused.get(axis))
         if reason is not None
     }
-    both = [axis for axis in AXES if axis in before.axes and axis in after.axes]
+    both: list[str] = [axis for axis in AXES if axis in before.axes and axis in after.axes]
     if not both:
         raise LogError(f"nothing to compare, no axis is identified from both logs: {next(iter(missing.values()))}")
-    compared = {}
+    compared: dict[str, AxisComparison] = {}
     for axis in both:
         chosen = [found.axes[axis].chosen.model.name for found in (before, after)]
         model = [m.name for m in MODELS if m.name in chosen][-1]  # the richer one: alike in both

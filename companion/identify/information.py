@@ -17,8 +17,8 @@ from companion.identify.stretches import PIECE_S, alike, liveliest, stretches
 
 FEWEST: Final = 10  # pieces: their scatter is known to a quarter then
 LEAST_MOVEMENT_RAD: Final = np.radians(0.3)  # of the set-point, RMS about its mean: less, and dead bands answer
-WIDEST: Final = 0.25  # half of an interval over the value: what a certificate can still be for
-WIDEST_DELAY_S: Final = 0.025
+WIDEST: Final = 0.4  # half of an interval over the value: beyond it a value is hardly told from another
+WIDEST_DELAY_S: Final = 0.04
 _PLAINLY: Final = 2.0  # standard errors
 
 

@@ -26,7 +26,7 @@ from sitl.build import World, build_world
 from sitl.vehicles.rotation import quaternion
 
 KINDS: Final = ("stabilized", "position", "mission")
-DURATION_S: Final = {"stabilized": 90.0, "position": 120.0, "mission": 180.0}
+DURATION_S: Final = {"stabilized": 90.0, "position": 120.0, "mission": 240.0}
 CONTROL_S: Final = 0.01  # the plant's control step: a set-point stands for so long
 _CONFIG: Final = Path(__file__).resolve().parents[2] / "config" / "px4_quadrotor.yaml"
 _ALTITUDE_M: Final = 20.0
