@@ -25,7 +25,7 @@ import harness_path  # noqa: F401 - finds `harness`
 import numpy as np
 from harness.any_flight import CONTROL_S, DURATION_S, KINDS, Truth, drawn, fly
 
-from companion.identify.compare import EQUAL, FASTER, SLOWER, compare
+from companion.identify.comparison.compare import EQUAL, FASTER, SLOWER, compare
 from companion.identify.identification import PREDICTION, AxisIdentification, Identification, identify
 from companion.identify.series import LogError
 

@@ -92,7 +92,7 @@ def _compare(arguments: Arguments, logs: list[Path]) -> int:
     if arguments.logs or arguments.write:
         raise ConfigError("--compare takes two logs and writes nothing: leave LOG and --write out")
     config = None if arguments.config is None else load_config(arguments.config)
-    from companion.identify.compare import compare, sentences, to_json  # noqa: PLC0415 - see `run`
+    from companion.identify.comparison.compare import compare, sentences, to_json  # noqa: PLC0415 - see `run`
     from companion.identify.identification import identify_log  # noqa: PLC0415
     from companion.identify.vehicle import vehicle_of  # noqa: PLC0415
 
@@ -104,7 +104,7 @@ def _compare(arguments: Arguments, logs: list[Path]) -> int:
     else:
         print("\n".join([*sentences(comparison), "95 %, all axes together; bandwidth: -3 dB, without the delay"]))
     if arguments.plot is not None:
-        from companion.identify.plot_comparison import plot_comparison  # noqa: PLC0415 - matplotlib takes its time
+        from companion.identify.comparison.plot import plot_comparison  # noqa: PLC0415 - matplotlib takes its time
 
         try:
             plot_comparison(comparison, before, after, arguments.plot)

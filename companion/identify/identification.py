@@ -11,9 +11,9 @@ from scipy.stats import t as student
 
 from companion.config.estimator import VelocityError
 from companion.identify import clock
+from companion.identify.any_flight.information import by_information
 from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
-from companion.identify.information import by_information
 from companion.identify.logs import read_log
 from companion.identify.manoeuvres import FLY, Manoeuvre, TooFewManoeuvresError, cut, find, select
 from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording

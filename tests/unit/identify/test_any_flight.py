@@ -13,7 +13,7 @@ from harness.any_flight import CONTROL_S, KINDS, Flight, Truth, fly
 from harness.identify_logs import mutated_ulog
 
 from companion.cli import main
-from companion.identify.compare import EQUAL, FASTER, SLOWER, compare
+from companion.identify.comparison.compare import EQUAL, FASTER, SLOWER, compare
 from companion.identify.identification import MANOEUVRES, PREDICTION, identify, identify_log
 from companion.identify.series import LogError
 

@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from companion.attitude_response.kinds import MODELS
+from companion.identify.any_flight.prediction_error import fit_by_prediction
+from companion.identify.any_flight.stretches import PIECE_S, alike, liveliest, stretches
 from companion.identify.fit import ModelFit
 from companion.identify.manoeuvres import FLY, Manoeuvre
-from companion.identify.prediction_error import fit_by_prediction
 from companion.identify.series import Floats, LogError, Recording
-from companion.identify.stretches import PIECE_S, alike, liveliest, stretches
 
 FEWEST: Final = 10  # pieces: their scatter is known to a quarter then
 LEAST_MOVEMENT_RAD: Final = np.radians(0.3)  # of the set-point, RMS about its mean: less, and dead bands answer

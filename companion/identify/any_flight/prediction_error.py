@@ -27,10 +27,10 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from companion.attitude_response.kinds import Model
+from companion.identify.any_flight.stretches import curves, roughened, seldom
 from companion.identify.fit import ModelFit, error, half_widths, sensitivity, widened
 from companion.identify.manoeuvres import Manoeuvre
 from companion.identify.series import Floats
-from companion.identify.stretches import curves, roughened, seldom
 
 Indices = npt.NDArray[np.intp]
 

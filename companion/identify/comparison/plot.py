@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from companion.attitude_response.simulation import respond
-from companion.identify.compare import AxisComparison, Comparison
+from companion.identify.comparison.compare import AxisComparison, Comparison
 from companion.identify.fit import ModelFit
 from companion.identify.identification import Identification
 
