@@ -55,8 +55,8 @@ _RELEASE: Final = "ver_sw_release"
 _ARMED: Final = 2  # VehicleStatus.ARMING_STATE_ARMED
 _OFFBOARD: Final = 14  # VehicleStatus.NAVIGATION_STATE_OFFBOARD
 _STREAMED: Final = (_OFFBOARD,)
-_FLOWN: Final = (_OFFBOARD, 15, 1, 2, 6, 3, 4, 5, 19, 21)
-"""With Stabilized, Altitude, Position and slow Position, by sticks; Mission, Hold, Return, Follow and Orbit."""
+_FLOWN: Final = (_OFFBOARD, 0, 15, 1, 2, 6, 3, 4, 5, 19, 21)
+"""With Manual, Stabilized, Altitude, Position, slow Position, all by sticks; Mission, Hold, Return, Follow, Orbit."""
 _NEAR_GROUND_S: Final = 2.0
 _AT_LIMIT: Final = 0.995
 _CLOCK_TOLERANCE_S: Final = 0.0
@@ -168,8 +168,8 @@ def _in_flight(path: Path, log: ULog, end_s: float) -> Floats:
 
     While PX4 tunes itself it adds rates to what the attitude loop wants: that is no answer to the set-point.
     """
-    landed = _topic(log, "vehicle_land_detected")
-    if landed is None or "landed" not in landed:
+    landed, control = _topic(log, "vehicle_land_detected"), _topic(log, "vehicle_control_mode")
+    if landed is None or "landed" not in landed or control is None or "flag_control_attitude_enabled" not in control:
         return np.empty((0, 2))
     time_s, keep = _times(path, landed, "vehicle_land_detected")
     touching = np.zeros(len(keep), dtype=bool)
