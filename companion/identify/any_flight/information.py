@@ -47,8 +47,14 @@ def by_information(axis: str, recordings: Sequence[Recording], where: str, too_f
     """
     pieces = liveliest(alike([piece for recording in recordings for piece in stretches(recording, axis)]))
     moved = max((_movement(piece) for piece in pieces), default=0.0)
-    if len(pieces) < FEWEST or moved < LEAST_MOVEMENT_RAD:
+    if moved < LEAST_MOVEMENT_RAD:
         raise LogError(too_few)
+    if len(pieces) < FEWEST:
+        raise LogError(
+            f"{where}: not enough information in {axis}: {sum(m.end_s - m.start_s for m in pieces):.0f} s of flight "
+            f"without a gap, a limit, a quick turn or a tilt beyond 35 deg, {FEWEST * PIECE_S:.0f} s are wanted: fly "
+            f"longer, or {FLY.format(axis)}"
+        )
     fitted = {model.name: fit_by_prediction(model, pieces) for model in MODELS}
     chosen = _choose(fitted)
     _check_enough(axis, chosen, pieces, where)
