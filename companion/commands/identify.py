@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("BEFORE", "AFTER"),
         help="whether the response of each axis became faster or slower from one log to the other",
     )
+    parser.set_defaults(refuse=parser.error)  # argparse cannot say that one of the two is required
     parser.add_argument("--config", type=Path, help="the vehicle: its system id and whether it rolls")
     parser.add_argument("--write", action="store_true", help="put the response into the config's attitude section")
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw measured against fitted")
@@ -50,8 +51,6 @@ def run(arguments: Arguments) -> int:
     """Run the command. 0 done, 2 when an axis that the vehicle has is missing. Raises `ConfigError` or `LogError`."""
     if arguments.compare is not None:
         return _compare(arguments, arguments.compare)
-    if not arguments.logs:
-        raise ConfigError("no log: give at least one LOG, or --compare BEFORE AFTER")
     if arguments.write and arguments.config is None:
         raise ConfigError("--write: give the config to write into, --config FILE")
     config = None if arguments.config is None else load_config(arguments.config)

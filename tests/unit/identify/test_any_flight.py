@@ -125,4 +125,4 @@ def test_the_command_compares_two_logs_and_draws(cut: Cut, tmp_path: Path, capsy
     with pytest.raises(SystemExit) as ended:
         main(["identify"])
     assert ended.value.code == 2
-    assert "give at least one LOG" in capsys.readouterr().err
+    assert "required: LOG, or --compare BEFORE AFTER" in capsys.readouterr().err
