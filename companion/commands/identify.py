@@ -42,6 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def parse(namespace: argparse.Namespace) -> Arguments:
     """The arguments as a typed record."""
+    if not namespace.logs and namespace.compare is None:
+        namespace.refuse("the following arguments are required: LOG, or --compare BEFORE AFTER")
     return Arguments(
         namespace.logs, namespace.compare, namespace.config, namespace.write, namespace.plot, namespace.json
     )
