@@ -11,6 +11,7 @@ from companion.mavlink.signing import Signing
 
 RECORDINGS = sorted((Path(__file__).resolve().parents[1] / "tests" / "data").glob("*.tlog"))
 DATAGRAM_BYTES = 1400
+FLOODS = {"foreign": 100_000.0, "steering": 30_000.0, "bad_signatures": 20_000.0}  # datagrams a second
 TLOG_STAMP_BYTES = 8
 
 
@@ -34,9 +35,13 @@ def with_crc(frame: bytearray) -> bytes:
 
 
 class Attacker:
-    """Makes hostile inputs. `genuine` are signed frames of the vehicle, to be replayed; none without a key."""
+    """Makes hostile inputs.
 
-    def __init__(self, seed: int, genuine: list[bytes]) -> None:
+    `genuine` are signed frames of the vehicle, to be replayed; none without a key. `attack`: `mixed`, `line` (with
+    bursts of the byte that begins a frame), `replay`, or one of the floods.
+    """
+
+    def __init__(self, seed: int, genuine: list[bytes], attack: str = "mixed") -> None:
         self._random = random.Random(seed)
         self._frames = recorded()
         self._valid = [frame for frame in self._frames if FrameParser().feed(frame)]  # of messages the dialect knows
@@ -46,6 +51,14 @@ class Attacker:
         self._kinds = [self.noise, self.mutated, self.mutated, self.forged, self.forged, self.steered]
         if genuine:
             self._kinds += [self.replayed, self.replayed, self.unsigned, self.missigned]
+        special = {
+            "line": [*self._kinds, self.burst],
+            "replay": [self.replayed],
+            "foreign": [self.forged],
+            "steering": [self.steered],
+            "bad_signatures": [self.missigned],
+        }
+        self._kinds = special.get(attack, self._kinds)
 
     def one(self) -> bytes:
         return self._random.choice(self._kinds)()
@@ -55,6 +68,10 @@ class Attacker:
         chosen = self._random
         data = chosen.randbytes(chosen.randint(1, 60))
         return b"\xfd" + data if chosen.random() < 0.5 else data
+
+    def burst(self) -> bytes:
+        """As a line has it that something else disturbs."""
+        return b"\xfd" * self._random.randint(130, 700)
 
     def mutated(self) -> bytes:
         """A real frame cut, spliced, or with some bits flipped; its CRC is not put right."""

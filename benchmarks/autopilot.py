@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import harness_path  # noqa: F401 - finds `harness`
 from harness.fake_autopilot import FakeAutopilot
+from pymavlink.dialects.v20 import development as mavlink
 
 from companion.mavlink.codec import Encoder, Layout
 
@@ -136,6 +137,9 @@ class Autopilot(FakeAutopilot):
         if now_s - self._mode_at_s > _MODE_S:
             self._mode_at_s = now_s
             self.answers.append(self.current_mode())
+            level = [1.0, 0.0, 0.0, 0.0]  # in the air, and its thrust says so too: otherwise nobody takes control
+            self.answers.append(mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR))
+            self.answers.append(mavlink.MAVLink_attitude_target_message(0, 0, level, 0.0, 0.0, 0.0, 0.5))
         for message in self.answers:
             self._put(self.pack(message))
         self.answers.clear()

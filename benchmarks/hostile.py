@@ -4,8 +4,9 @@
 
 `companion run` flies for a scripted autopilot; a second process throws datagrams at it that come, as far as the kernel
 can tell, from that autopilot: random bytes, mutated real frames, frames forged in the name of others, and with a
-signing key replayed and forged signed ones. Quiet and hostile periods take turns, so that the machine's noise hits both
-alike. Then the log is read: every set-point sent must be one that may be sent.
+signing key replayed and forged signed ones. Other flights begin under the recording of a flight before, or get all they
+send sent back, or are flooded as fast as the machine can. Quiet and hostile periods take turns, so that the machine's
+noise hits both alike. Then the log is read: every set-point sent must be one that may be sent.
 """
 
 from __future__ import annotations
@@ -16,22 +17,21 @@ import itertools
 import json
 import math
 import os
-import random
-import select
+import socket
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
-import tty
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from attacker import TLOG_STAMP_BYTES, Attacker, datagrams
-from autopilot import BY_TIME, Autopilot, Timing
+from attacker import FLOODS, TLOG_STAMP_BYTES
+from autopilot import BY_TIME, Timing
 from harness.ports import free_port
+from hostile_vehicle import KEY, Terminal, Vehicle
 from processes import Candidate
 from pymavlink.dialects.v20 import development as mavlink
+from thrower import Thrower
 
 from companion.config.guards.declaration import Group
 from companion.config.guards.rows import GUARDS, Reason
@@ -41,12 +41,33 @@ from companion.mavlink.signing import Signing
 from companion.record.reader import read_flight
 
 HERE = Path(__file__).resolve().parent
-KEY = bytes(range(1, 33))
-KINDS = {"udp": 0.45, "signed": 0.5, "serial": 0.05}  # shares of the inputs
+
+
+class Kind(NamedTuple):
+    """A flight: its share of the inputs, what is thrown (several in turns), and over what."""
+
+    share: float
+    attacks: tuple[str, ...]
+    signed: bool = False
+    serial: bool = False
+
+
+REFLECTION = "reflection"
+KINDS = {
+    "udp": Kind(0.3, ("mixed",)),
+    "signed": Kind(0.3, ("mixed",), signed=True),
+    "serial": Kind(0.04, ("line",), serial=True),
+    "replay": Kind(0.04, ("replay",), signed=True),
+    "reflection": Kind(0.01, (REFLECTION,)),
+    "reflection_signed": Kind(0.01, (REFLECTION,), signed=True),
+    "flood": Kind(0.2, ("foreign", "steering")),
+    "flood_signed": Kind(0.1, ("bad_signatures", "foreign"), signed=True),
+}
 _READY_S = 120.0  # on a machine that does other things as well
 _LINE_HZ = 60.0  # datagrams a second that 921600 baud carry beside the odometry
 _RATE_HZ = 250.0
 _PRIORITY = 40
+_RECORDING_S = 3.0
 _PERIOD_S = 0.5  # quiet and hostile take turns
 _SETTINGS = (
     "tick.rate_hz=250", "tick.floor_hz=50", "mission.duration_s=100000", "steering.enabled=true",
@@ -60,109 +81,6 @@ _GUARDS_OFF = (
     *(guard.key for reason, guard in GUARDS.items() if reason.group is Group.FLIGHT and reason is not Reason.FENCE),
     "velocity_consistency_m", "link_jitter_s", "link_delay_s", "pose_rate_hz", "tick_overrun_s",
 )  # fmt: skip
-
-
-class Terminal:
-    """One end of a pseudo-terminal, used like a socket: a frame at a time."""
-
-    def __init__(self) -> None:
-        self.fd, self._far = os.openpty()
-        for fd in (self.fd, self._far):
-            tty.setraw(fd)
-        os.set_blocking(self.fd, False)
-        self.name = os.ttyname(self._far)
-        self._parser = FrameParser(stream=True)
-        self._frames: list[bytes] = []
-
-    def fileno(self) -> int:
-        return self.fd
-
-    def send(self, data: bytes) -> None:
-        with contextlib.suppress(BlockingIOError):  # nobody reads: lost, as on a line
-            os.write(self.fd, data)
-
-    def recv(self, _size: int, _flags: int = 0) -> bytes:
-        if not self._frames:
-            self._frames = [frame.raw for frame in self._parser.feed(os.read(self.fd, 65536))]
-        return self._frames.pop(0) if self._frames else b""
-
-    def close(self) -> None:
-        os.close(self.fd)
-        os.close(self._far)
-
-
-class Vehicle(Autopilot):
-    """The scripted autopilot, on a socket or a terminal, signing where there is a key; keeps what it sent last."""
-
-    def __init__(self, port: int, *, terminal: Terminal | None, signing: Signing | None) -> None:
-        super().__init__(port)
-        self._signing = signing
-        self.sent: list[bytes] = []
-        if terminal is not None:
-            self._socket.close()
-            self._socket = terminal  # type: ignore[assignment]
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def _sample(self, rate_hz: float) -> bytes:
-        return self._signed(super()._sample(rate_hz))
-
-    def _put(self, frame: bytes) -> None:
-        super()._put(frame if frame[2] else self._signed(frame))
-
-    def _signed(self, frame: bytes) -> bytes:
-        if self._signing is not None:
-            frame = self._signing.sign(frame)
-        self.sent = [*self.sent[-400:], frame]
-        return frame
-
-
-# --- what is thrown ---------------------------------------------------------------------------------------------------
-
-
-class Thrower:
-    """A process that makes the inputs and throws them from the vehicle's own socket, at times that it cannot know."""
-
-    def __init__(self, vehicle: Vehicle, inputs: int, rate_hz: float, seed: int, genuine: Path) -> None:
-        fd = vehicle.fileno()
-        command = [sys.executable, str(Path(__file__)), "--throw", str(fd), str(genuine), "--inputs", str(inputs)]
-        command += ["--rate", str(rate_hz), "--seed", str(seed)]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=(fd,), text=True, bufsize=1
-        )
-
-    def answer(self, vehicle: Vehicle) -> int:
-        """What it says next, the vehicle flying on meanwhile."""
-        assert self._process.stdout is not None
-        while not select.select([self._process.stdout], [], [], 0.0)[0]:
-            vehicle.play(_RATE_HZ, 0.05)
-        return int(self._process.stdout.readline())
-
-    def throw(self, count: int) -> None:
-        """So many datagrams; it answers when they are out."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(f"{count}\n")
-
-    def close(self) -> None:
-        self._process.kill()
-        self._process.communicate()
-
-
-def throw(fd: int, genuine: Path, inputs: int, rate_hz: float, seed: int) -> None:
-    """The thrower's own process."""
-    frames = [frame.raw for frame in FrameParser().feed(genuine.read_bytes())]
-    thrown = iter(made := datagrams(Attacker(seed, frames), inputs))
-    print(len(made), flush=True)
-    chosen = random.Random(seed)
-    for line in sys.stdin:
-        due_s = time.monotonic()
-        for datagram in itertools.islice(thrown, int(line)):
-            due_s += chosen.expovariate(rate_hz)
-            time.sleep(max(0.0, due_s - time.monotonic()))
-            with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-                os.write(fd, datagram)
-        print(0, flush=True)
 
 
 # --- what became of it ------------------------------------------------------------------------------------------------
@@ -223,12 +141,65 @@ def settle(candidate: Candidate, vehicle: Vehicle) -> None:
     vehicle.play(_RATE_HZ, 0.5)
 
 
-def fly(
-    folder: Path, inputs: int, rate_hz: float, *, signed: bool, serial: bool, realtime: bool, seed: int
-) -> dict[str, Any]:
+class Fire:
+    """What is thrown in a flight. Attributes: `thrown` datagrams, `left` whether there are more."""
+
+    def __init__(self, kind: Kind, vehicle: Vehicle, inputs: int, rate_hz: float, seed: int, genuine: Path) -> None:
+        self._vehicle, self._inputs = vehicle, inputs
+        self._rates = [
+            FLOODS.get(attack, min(rate_hz, _LINE_HZ) if kind.serial else rate_hz) for attack in kind.attacks
+        ]
+        self._began = vehicle.reflected
+        self._throwers = [
+            Thrower(vehicle, attack, inputs // len(kind.attacks), seed, genuine)
+            for attack in kind.attacks
+            if attack != REFLECTION
+        ]
+        self.thrown = sum(thrower.left for thrower in self._throwers) or inputs
+        self._turn = 0
+
+    @property
+    def left(self) -> bool:
+        if not self._throwers:
+            return self._vehicle.reflected - self._began < self._inputs
+        return any(thrower.left for thrower in self._throwers)
+
+    def throw(self, *, under_fire: bool) -> None:
+        """For a period, or nothing."""
+        if not self._throwers:
+            self._vehicle.reflects = under_fire
+        elif under_fire:
+            at = self._turn % len(self._throwers)
+            self._throwers[at].throw(self._rates[at], _PERIOD_S)
+
+    def wait(self, *, under_fire: bool) -> None:
+        """Until all of it is out."""
+        if self._throwers and under_fire:
+            self._throwers[self._turn % len(self._throwers)].answer(self._vehicle)
+            self._turn += 1
+
+    def close(self) -> None:
+        for thrower in self._throwers:
+            thrower.close()
+
+
+def play_recording(recording: list[bytes], port: int, seconds: float) -> None:
+    """From a port of somebody else, to whoever has just started."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.connect(("127.0.0.1", port))
+        until_s = time.monotonic() + seconds
+        for frame in itertools.cycle(recording):
+            with contextlib.suppress(ConnectionRefusedError):
+                other.send(frame)
+            time.sleep(0.001)
+            if time.monotonic() > until_s:
+                return
+
+
+def fly(folder: Path, kind: Kind, inputs: int, rate_hz: float, *, realtime: bool, seed: int) -> dict[str, Any]:
     """One flight under fire."""
+    signed, serial = kind.signed, kind.serial
     port, terminal = free_port(), Terminal() if serial else None
-    rate_hz = min(rate_hz, _LINE_HZ) if serial else rate_hz
     url = f"serial://{terminal.name}:921600" if terminal else f"udpin://127.0.0.1:{port}"
     settings = [*_SETTINGS, *(f"guards.{name}.enabled=false" for name in _GUARDS_OFF)]
     if realtime:
@@ -244,18 +215,21 @@ def fly(
     candidate = Candidate(command, "engaged", folder / "output")
     vehicle = Vehicle(port, terminal=terminal, signing=Signing(KEY, link_id=1) if signed else None)
     quiet, hostile = Timing([], 0), Timing([], 0)
-    attacker = None
+    fire, genuine = None, folder / "genuine"
+    vehicle.reflects = REFLECTION in kind.attacks
     try:
+        recording = vehicle.recording(500) if "replay" in kind.attacks else []
+        if recording:
+            play_recording(recording, port, _RECORDING_S)
+            if "checking" in (said := candidate.output()):
+                raise RuntimeError(f"it believed a recording: {said.strip()}")
         settle(candidate, vehicle)
-        genuine = folder / "genuine"
-        genuine.write_bytes(b"".join(vehicle.sent) if signed else b"")
-        attacker = Thrower(vehicle, inputs, rate_hz, seed, genuine)
-        left = thrown = attacker.answer(vehicle)
-        while left > 0:
+        genuine.write_bytes(b"".join(recording or vehicle.sent) if signed else b"")
+        fire = Fire(kind, vehicle, inputs, rate_hz, seed, genuine)
+        thrown = fire.thrown
+        while fire.left:
             for under_fire in (False, True):
-                count = min(left, max(1, round(rate_hz * _PERIOD_S))) if under_fire else 0
-                left -= count
-                attacker.throw(count)
+                fire.throw(under_fire=under_fire)
                 if serial:
                     vehicle.play(_RATE_HZ, _PERIOD_S)
                 else:
@@ -263,7 +237,7 @@ def fly(
                     before = hostile if under_fire else quiet
                     after = Timing(before.latencies_us + timing.latencies_us, before.lost + timing.lost)
                     quiet, hostile = (quiet, after) if under_fire else (after, hostile)
-                attacker.answer(vehicle)
+                fire.wait(under_fire=under_fire)
         if candidate.process.poll() is not None:
             raise RuntimeError(f"it ended: {candidate.output().strip()}")
         vehicle.mode = Mode.HOLD
@@ -272,8 +246,8 @@ def fly(
     except ConnectionRefusedError:
         raise RuntimeError(f"it ended: {candidate.output().strip()}") from None
     finally:
-        if attacker is not None:
-            attacker.close()
+        if fire is not None:
+            fire.close()
         vehicle.close()
         candidate.kill()
     (flight,) = (folder / "flights").iterdir()
@@ -301,32 +275,19 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=list(KINDS), help="only this flight, with all the inputs")
-    parser.add_argument("--throw", nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     arguments = parser.parse_args()
-    if arguments.throw is not None:
-        fd, genuine = arguments.throw
-        throw(int(fd), Path(genuine), arguments.inputs, arguments.rate, arguments.seed)
-        return
     if arguments.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
     rows = []
-    for kind, share in KINDS.items():
-        if arguments.only not in (None, kind):
+    for name, kind in KINDS.items():
+        if arguments.only not in (None, name):
             continue
-        inputs = arguments.inputs if arguments.only else round(arguments.inputs * share)
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            row = fly(
-                folder,
-                inputs,
-                arguments.rate,
-                signed=kind == "signed",
-                serial=kind == "serial",
-                realtime=arguments.realtime,
-                seed=arguments.seed,
-            )
-        rows.append({"kind": kind, **row})
+        inputs = arguments.inputs if arguments.only else round(arguments.inputs * kind.share)
+        with tempfile.TemporaryDirectory() as folder:
+            os.environ["XDG_STATE_HOME"] = folder
+            row = fly(Path(folder), kind, inputs, arguments.rate, realtime=arguments.realtime, seed=arguments.seed)
+        rows.append({"kind": name, **row})
         if not arguments.json:
             print(json.dumps(rows[-1], indent=2))
     if arguments.json:

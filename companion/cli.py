@@ -13,7 +13,9 @@ import sys
 from typing import Any, Final, NamedTuple, NoReturn, Protocol
 
 from companion import __version__
-from companion.errors import CompanionError
+from companion.errors import CompanionError, printable
+from companion.safe_path import leave_current_directory
+from companion.standard_streams import open_missing
 
 
 class Command(NamedTuple):
@@ -77,11 +79,15 @@ def read_command_line(argv: list[str]) -> tuple[CommandModule, Any]:
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of the `companion` command. Exits."""
+    open_missing()
+    if argv is None:  # this process is the command's own
+        leave_current_directory()
+        argv = sys.argv[1:]
     try:
-        module, arguments = read_command_line(sys.argv[1:] if argv is None else argv)
+        module, arguments = read_command_line(argv)
         code = module.run(arguments)
     except CompanionError as error:
-        print(f"companion: {error}", file=sys.stderr)
+        print(f"companion: {printable(str(error))}", file=sys.stderr)
         code = 2
     except KeyboardInterrupt:
         code = 130

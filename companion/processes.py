@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
-from collections.abc import Callable
-from multiprocessing import get_context
+import threading
+from collections.abc import Callable, Iterator
+from multiprocessing import get_context, parent_process
 from typing import Any, Final, ParamSpec, TypeVar
+
+from companion.safe_path import safe_environment
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -19,7 +24,8 @@ class Processes:
 
     def __init__(self, elsewhere: bool) -> None:
         # Spawned: a forked child would inherit the threads' locks of the progress bar.
-        self._pool = get_context("spawn").Pool(_PROCESSES, _leave_interrupts) if elsewhere else None
+        with _safe_children():
+            self._pool = get_context("spawn").Pool(_PROCESSES, _begin) if elsewhere else None
 
     def __enter__(self) -> Processes:
         return self
@@ -44,6 +50,45 @@ class Processes:
         return result
 
 
-def _leave_interrupts() -> None:
+@contextlib.contextmanager
+def _safe_children() -> Iterator[None]:
+    """Whoever is started meanwhile begins without the current directory on its path."""
+    before = dict(os.environ)
+    os.environ.update(safe_environment())
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def end_with_parent() -> None:
+    """In a process that multiprocessing has started: end with the one who wanted it, even where that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        _end_after(parent.join)
+
+
+def end_with_input() -> None:
+    """End when standard input does: a pipe from whoever started this process, and ends with them."""
+    _end_after(_read_all)
+
+
+def _read_all() -> None:
+    with contextlib.suppress(OSError):
+        while os.read(0, 4096):
+            pass
+
+
+def _end_after(wait: Callable[[], object]) -> None:
+    def end() -> None:
+        wait()
+        os._exit(1)  # nobody is left to tell
+
+    threading.Thread(target=end, name="end", daemon=True).start()
+
+
+def _begin() -> None:
     """Ctrl-C is the parent's, who ends the children."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()

@@ -23,10 +23,10 @@ GUARDS_HEAD = """\
 ## The guards
 
 Each is `{enabled, limit, timeout_s}` in the section `guards`, with the unit of its limit in its name. It ends control
-when its limit has been exceeded for `timeout_s` without a break; 0 means at once. What a file leaves out of a guard
-keeps its default, below; a limit that is not given there follows from another section. The log gives the value that
-tripped it. The first five stand where it happens; all others are looked at together, 50 times a second, and heard in
-this order.
+when its limit has been exceeded for `timeout_s`, less the time in which it was not; 0 means at once. What a file leaves
+out of a guard keeps its default, below; a limit that is not given there follows from another section. The log gives the
+value that tripped it. The first five stand where it happens; all others are looked at together, 50 times a second, and
+heard in this order.
 
 | guard | what its limit is of | limit | timeout | reason |
 |---|---|---|---|---|
@@ -58,7 +58,7 @@ def defaults(key: str, row: Row) -> str:
     """A guard's default limit and timeout, as two cells."""
     section = getattr(Guards(), key)
     limit = getattr(section, "limit", None)
-    unit = {"deg": "°", "m2": " m²", "hz": " Hz", "": ""}.get(row.unit, f" {row.unit}")
+    unit = {"deg": "°", "m2": " m²", "hz": " Hz", "m_s": " m/s", "": ""}.get(row.unit, f" {row.unit}")
     text = "" if limit is None else f"{'at least ' if row.least else ''}{limit:g}{unit}"
     if not section.enabled:
         text = f"off; {text}" if text else "off"

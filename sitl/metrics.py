@@ -13,8 +13,11 @@ from companion.flight.authority.states import State
 from companion.record.reader import Flight
 
 _NOT_JUDGED_M = 0.05
+_MOVED_M = 0.01
+_GROWTH = 2.0  # of the error over the first stair's: stable flights reach 1.2, the paper's unstable one 7
 _STEADY_S = 3.0  # of each stair: its end
 _STAIR_S = 5.0  # at least, or nothing is steady
+_MOVING_S = 0.5  # between two changes of a target that moves and does not step
 
 
 class Metrics(NamedTuple):
@@ -46,9 +49,9 @@ def in_control(flight: Flight) -> np.ndarray:
 def score(config: Config, flight: Flight) -> Metrics:
     """Metrics of one flight. Raises `ValueError` when it was never in control.
 
-    A flight is unstable when it still swings in its last quarter: by more than half of all it swung, unless wind, noise
-    or the link keep it moving, or with an RMS above half the largest step of the command. Swings below 5 cm are not
-    judged.
+    A flight is unstable when its error has grown, see `grown`, unless wind, noise or the link did that; or when its RMS
+    over the second half of the last stair of 5 s or more is above the largest step of the command. Swings below 5 cm
+    are not judged.
     """
     ticks = in_control(flight)
     if not len(ticks):
@@ -59,19 +62,68 @@ def score(config: Config, flight: Flight) -> Metrics:
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values**2)))
 
-    quarter = max(1, len(distance) // 4)
-    swing, late_swing = (float(np.ptp(e, axis=0).max()) for e in (error, error[-quarter:]))
-    step = largest_step_m(config)
+    swing = float(np.ptp(error, axis=0).max())
     plant = config.plant
+    moving = bool(config.mission.trajectories)  # and so does the error, to the end
     disturbed = plant is not None and (plant.wind is not None or plant.sensors is not None or plant.link is not None)
-    swings_on = (late_swing > 0.5 * swing and not disturbed) or 0.0 < 0.5 * step < rms(distance[-quarter:])
+    stairs = _stairs(ticks)
+    first, end = next((s for s in reversed(stairs) if _lasts_s(ticks, s) >= _STAIR_S), (0, len(ticks)))
+    never_settled = 0.0 < largest_step_m(config) < rms(distance[(first + end) // 2 : end])
+    unstable = never_settled or (not disturbed and not moving and grown(ticks, distance))
     return Metrics(
         float(distance.max()),
         rms(distance),
-        swing < _NOT_JUDGED_M or not swings_on,
+        swing < _NOT_JUDGED_M or not unstable,
         rms(tracking_error_m(config, ticks)),
         _steady(ticks),
     )
+
+
+def grown(ticks: np.ndarray, distance_m: np.ndarray) -> bool:
+    """Whether the error has grown as that of an unstable loop does, and not as a stair makes it.
+
+    The RMS of the error in each quarter of a stair, by the largest step of the command up to then, is set against the
+    larger of the first two quarters of the first stair that lasts 5 s: the error has grown where it is more than
+    `_GROWTH` times that, in the last quarter of this stair or anywhere in a later one. A stair makes it no larger than
+    the first did, wherever in the flight it comes.
+    """
+    target = ticks["target_ned_m"][:, :2]
+    before = ticks["position_ned_m"][0, :2]
+    first_rms = step_m = 0.0
+    stairs = _stairs(ticks)
+    for stair in stairs:
+        first, end = stair
+        step_m = max(step_m, float(np.linalg.norm(target[first:end] - before, axis=1).max()))
+        before = target[end - 1]
+        nothing_commanded_yet = step_m < _MOVED_M and len(stairs) > 1
+        if nothing_commanded_yet or (not first_rms and _lasts_s(ticks, stair) < _STAIR_S):
+            continue
+        quarters = [float(np.sqrt(np.mean(q**2))) / max(step_m, _MOVED_M) for q in _quarters(distance_m[first:end])]
+        judged = quarters if first_rms else quarters[3:]
+        first_rms = first_rms or max(quarters[:2])
+        if max(judged) > _GROWTH * first_rms:
+            return True
+    return False
+
+
+def _quarters(values: np.ndarray) -> list[np.ndarray]:
+    return [part for part in np.array_split(values, 4) if len(part)]
+
+
+def _stairs(ticks: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index but one of each stretch that begins with a change of the target; a trajectory is one."""
+    changes = np.flatnonzero(np.any(np.diff(ticks["target_ned_m"], axis=0) != 0.0, axis=1)) + 1
+    starts = [0]
+    last_s = -math.inf
+    for change in changes:
+        if ticks["time_s"][change] - last_s > _MOVING_S:
+            starts.append(int(change))
+        last_s = ticks["time_s"][change]
+    return list(pairwise([*starts, len(ticks)]))
+
+
+def _lasts_s(ticks: np.ndarray, stair: tuple[int, int]) -> float:
+    return float(ticks["time_s"][stair[1] - 1] - ticks["time_s"][stair[0]])
 
 
 def tracking_error_m(config: Config, ticks: np.ndarray) -> np.ndarray:
@@ -85,12 +137,10 @@ def tracking_error_m(config: Config, ticks: np.ndarray) -> np.ndarray:
 
 def _steady(ticks: np.ndarray) -> float:
     """Mean distance from the target over the last seconds of a stair, m: of the worst stair."""
-    time_s, target = ticks["time_s"], ticks["target_ned_m"]
-    changes = np.flatnonzero(np.any(np.diff(target, axis=0) != 0.0, axis=1)) + 1
-    distance = np.linalg.norm(ticks["position_ned_m"] - target, axis=1)
+    time_s = ticks["time_s"]
+    distance = np.linalg.norm(ticks["position_ned_m"] - ticks["target_ned_m"], axis=1)
     means = []
-    for first, end in pairwise([0, *changes, len(ticks)]):
-        last_s = time_s[end - 1]
-        if last_s - time_s[first] >= _STAIR_S:
-            means.append(float(distance[first:end][time_s[first:end] > last_s - _STEADY_S].mean()))
+    for first, end in _stairs(ticks):
+        if _lasts_s(ticks, (first, end)) >= _STAIR_S:
+            means.append(float(distance[first:end][time_s[first:end] > time_s[end - 1] - _STEADY_S].mean()))
     return max(means, default=math.nan)

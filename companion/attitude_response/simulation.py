@@ -76,3 +76,6 @@ def _transient(
             return total
         left = sums[-1] * np.exp(pole * span)
         origin += span
+        following = min(late[b], step_time_s[last] if last < len(step_time_s) else np.inf)
+        if following > origin + span:  # nothing happens for long and nothing is left: work is bounded by samples
+            left, origin = type(pole)(0.0), float(following)

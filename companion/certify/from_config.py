@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from companion.attitude_response.exact import NO_DELAY, Interval, decimal
-from companion.attitude_response.exact import interval as exact_interval
-from companion.attitude_response.response import AttitudeResponse
+from companion.attitude_response.exact import decimal
 from companion.certify.problem import AxisProblem, Problem, Sampling
-from companion.config.attitude import ResponseSection
+from companion.config.attitude import ResponseSection, response_of
 from companion.config.controller import AxisSection, interval
 from companion.config.load import ConfigError
 from companion.config.schema import Config
@@ -50,20 +48,9 @@ def _axis(axis: AxisSection, response: ResponseSection) -> AxisProblem:
         decimal(axis.damping_ratio),
         (decimal(position[0]), decimal(velocity[0])),
         (decimal(position[1]), decimal(velocity[1])),
-        _response(response),
+        response_of(response),
         decimal(GRAVITY_M_S2),
     )
-
-
-def _response(section: ResponseSection) -> AttitudeResponse:
-    kind = section.kind
-    dynamics = kind.of(tuple(map(_interval, v)) if kind.of_lists else _interval(v) for v in section.values)
-    delay = _interval(section.delay_s) if section.delay_s else NO_DELAY
-    return AttitudeResponse(dynamics, delay, section.pade_order)
-
-
-def _interval(value: float | tuple[float, float]) -> Interval:
-    return exact_interval(*value) if isinstance(value, tuple) else exact_interval(value)
 
 
 def _sampling(config: Config, axis: AxisSection) -> Sampling:

@@ -12,7 +12,7 @@ from rich.table import Table
 from companion.commands.options import ConfigFile
 from companion.config import Config, ConfigError
 from companion.record.folder import new_folder
-from sitl.experiment.against import Compared, compare
+from sitl.experiment.against import TITLES, Compared, compare
 
 
 class Arguments(NamedTuple):
@@ -29,8 +29,9 @@ def run(arguments: Arguments) -> int:
     config, path = arguments.config, arguments.config_file.path
     if config.plant is None or config.plant.quadrotor is None:
         raise ConfigError(f"{path}: --against px4 needs a quadrotor: PX4's position control does not fly a rig")
-    if config.mission.duration_s is None or config.mission.identification is not None:
-        raise ConfigError(f"{path}: --against px4 needs a mission with a duration_s")
+    ends = config.mission.duration_s is not None or config.mission.trajectories
+    if not ends or config.mission.identification is not None:
+        raise ConfigError(f"{path}: --against px4 needs a mission with a duration_s, or trajectories")
     folder = arguments.out or new_folder(Path("flights"), f"{path.stem}-against-px4")
     flown = compare(config, path, folder)
     report = {
@@ -38,11 +39,19 @@ def run(arguments: Arguments) -> int:
         "controllers": {c.controller: {"reason": c.reason, **(c.scores._asdict() if c.scores else {})} for c in flown},
     }
     folder.mkdir(parents=True, exist_ok=True)
+    figures = []
+    if config.mission.trajectories:
+        from sitl.experiment.path_figures import draw_path_figures  # noqa: PLC0415 - matplotlib takes its time
+
+        figures = draw_path_figures({c.controller: c.track for c in flown if c.track is not None}, folder)
     (folder / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     if arguments.json:
         print(json.dumps(report))
     else:
-        Console().print(_table(flown))
+        console = Console()
+        console.print(_path_table(flown) if config.mission.trajectories else _table(flown))
+        if figures:
+            console.print(f"{len(figures)} figures and summary.json in [bold]{folder}[/bold]", soft_wrap=True)
     return 0 if all(c.scores is not None for c in flown) else 1
 
 
@@ -52,9 +61,22 @@ def _table(flown: list[Compared]) -> Table:
     for heading in ("truth along", "truth across", "estimate along", "estimate across"):
         table.add_column(heading, justify="right")
     for c in flown:
-        name = "PX4's own" if c.controller == "px4" else c.controller
+        name = TITLES[c.controller]
         if c.scores is None:
             table.add_row(name, f"[bold red]{c.reason}[/bold red]", *["-"] * 3)
         else:
             table.add_row(name, *(f"{value:.3f}" for value in c.scores))
+    return table
+
+
+def _path_table(flown: list[Compared]) -> Table:
+    table = Table(title="Distance from the trajectory while it moves, m: horizontal but for the last column")
+    table.add_column("controller")
+    for heading in ("truth RMS", "truth peak", "estimate RMS", "truth RMS, height"):
+        table.add_column(heading, justify="right")
+    for c in flown:
+        if c.scores is None:
+            table.add_row(TITLES[c.controller], f"[bold red]{c.reason}[/bold red]", *["-"] * 3)
+        else:
+            table.add_row(TITLES[c.controller], *(f"{value:.3f}" for value in c.scores))
     return table

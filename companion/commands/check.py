@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from companion.certify import link_loss as bounds
 from companion.certify import proof
 from companion.certify.from_config import problem
 from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
-from companion.commands.check_report import ANGLES, table, verdict
+from companion.commands.check_report import ANGLES, link_loss, table, verdict
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_json, config_file
-from companion.config import ConfigError
+from companion.config import Config, ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for
     from companion.certify.assessment import Assessment
@@ -92,7 +93,8 @@ def parse(namespace: argparse.Namespace) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     """Run the pre-flight check. 0 certified, 1 not certified. Raises `ConfigError` for bad input."""
-    stated = problem(arguments.config.load())
+    config = arguments.config.load()
+    stated = problem(config)
     if not 2 <= arguments.degree <= MAX_DEGREE or arguments.degree % 2:
         raise ConfigError(f"--degree {arguments.degree}: it must be even, from 2 to {MAX_DEGREE}")
     _refuse_what_does_not_go_together(arguments)
@@ -118,12 +120,20 @@ def run(arguments: Arguments) -> int:
     opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
     if arguments.json:
         told = {"second_opinion": {name: opinion._asdict() for name, opinion in opinions.items()}} if opinions else {}
-        print(json.dumps(to_json(assessment) | told))
+        print(json.dumps(to_json(assessment) | told | {"link_loss": _link_loss_json(config)}))
     for name, axis in assessment.axes.items():
         console.print(table(name, axis, assessment, _row(opinions[name]) if name in opinions else None))
+    if not arguments.quick:
+        own = config.vehicle.parameters.get("COM_OF_LOSS_T")
+        console.print(link_loss(bounds.stated(config), bounds.proposed_s(config), own))
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1
+
+
+def _link_loss_json(config: Config) -> dict[str, object]:
+    told = [bound._asdict() for bound in bounds.stated(config)]
+    return {"proposed_s": bounds.proposed_s(config), "bounds": told}
 
 
 def _refuse_what_does_not_go_together(arguments: Arguments) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from rich.table import Table
+
+from companion.certify.link_loss import LinkLoss
 
 if TYPE_CHECKING:  # the solver takes most of a second to import
     from companion.certify.assessment import Assessment, AxisAssessment
@@ -51,6 +55,24 @@ def table(name: str, axis: AxisAssessment, assessment: Assessment, opinion: tupl
     rows.add_row(
         "fastest certified reference model", "none" if fastest is None else f"{float(fastest.value):.3f} rad/s"
     )
+    return rows
+
+
+def link_loss(bounds: Sequence[LinkLoss], proposed_s: float, config_has: float | None) -> Table:
+    """What can come of a companion that dies, by COM_OF_LOSS_T."""
+    rows = Table(title="if the companion dies, at most, until PX4 takes over", title_justify="left")
+    for heading in ("COM_OF_LOSS_T", "tilt", "distance", "height lost"):
+        rows.add_column(heading, justify="right")
+    for bound in bounds:
+        time_s = bound.loss_time_s
+        names = {proposed_s: "proposed", config_has: "in the config", 1.0: "PX4's default"}
+        name = next(text for known_s, text in names.items() if known_s == time_s)
+        rows.add_row(
+            f"{time_s:g} s, {name}",
+            f"{math.degrees(bound.tilt_rad):.0f} deg",
+            f"{bound.distance_m:.1f} m",
+            f"{bound.height_lost_m:.1f} m",
+        )
     return rows
 
 

@@ -128,6 +128,8 @@ def show(designed: Designed, console: Console) -> None:
         table.add_row(*row)
     console.print(table)
     console.print(f"[bold green]Certified[/bold green]: {out}, {certificate_path(out)}", soft_wrap=True)
+    for line in identification.notes:
+        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     lateness_s = max(axis.lateness_s for axis in identification.axes.values())
     if lateness_s:
         console.print(

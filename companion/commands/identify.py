@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from companion.commands.options import add_json
 from companion.config import ConfigError, load_config
+from companion.errors import printable
 
 
 class Arguments(NamedTuple):
@@ -80,11 +81,11 @@ def run(arguments: Arguments) -> int:
         except (OSError, ValueError) as error:
             raise ConfigError(f"{arguments.plot}: cannot write the picture: {error}") from None
     if missing:
-        print(f"companion: {missing[0]}", file=sys.stderr)
+        print(f"companion: {printable(missing[0])}", file=sys.stderr)
         return 2
     if arguments.write and arguments.config is not None:
         write(arguments.config, identification)
-        console.print(f"written into the attitude section of {arguments.config}")
+        console.print(f"written into the attitude section of {printable(str(arguments.config))}")
     return 0
 
 

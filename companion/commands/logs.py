@@ -13,6 +13,7 @@ from rich.table import Table
 
 from companion.commands.options import ConfigFile, add_config, add_tool_link, config_file
 from companion.config import ConfigError
+from companion.errors import printable
 from companion.mavlink.client import Client
 from companion.mavlink.logs import ulog
 from companion.mavlink.logs.client import Listing, fetch, finished, list_logs, newest
@@ -111,10 +112,13 @@ def _fetch_shown(client: Client, entry: LogEntry, folder: Path, console: Console
         extent = ulog.extent(path)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
+    path_shown = printable(str(path))
     if extent.problem is None:
-        console.print(f"{path}: whole, {extent.size_bytes} bytes, {extent.messages} messages", soft_wrap=True)
+        console.print(f"{path_shown}: whole, {extent.size_bytes} bytes, {extent.messages} messages", soft_wrap=True)
         return True
-    console.print(f"[yellow]{path}: {extent.size_bytes} bytes as listed, but {extent.problem}[/yellow]", soft_wrap=True)
+    console.print(
+        f"[yellow]{path_shown}: {extent.size_bytes} bytes as listed, but {extent.problem}[/yellow]", soft_wrap=True
+    )
     return False
 
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import NamedTuple
 
+from companion.commands.missions import NAMES, overrides
 from companion.config import Config, ConfigError, load_config
 from companion.config.plausible import slips
 
@@ -54,8 +55,14 @@ def add_config(parser: argparse.ArgumentParser, default: Path | None = None) -> 
 
 
 def config_file(namespace: argparse.Namespace) -> ConfigFile:
-    """What `add_config` declared; `--identify` is an override too, and what `--set` says of it counts more."""
-    first = ["mission={identification: {}}"] if getattr(namespace, "identify", False) else []
+    """What `add_config` declared; `--identify` and `--mission` are overrides too, and what `--set` says counts more.
+
+    Raises `ConfigError`.
+    """
+    identify = getattr(namespace, "identify", False)
+    first = ["mission={identification: {}}"] if identify else []
+    if hasattr(namespace, "mission"):
+        first += overrides(namespace.mission, namespace.speed, stretch=namespace.stretch, identify=identify)
     return ConfigFile(namespace.config, (*first, *namespace.overrides), getattr(namespace, "anyway", True))
 
 
@@ -65,7 +72,16 @@ def add_anyway(parser: argparse.ArgumentParser) -> None:
 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
-    """`--identify` and `--hedging`: what is flown, and by which controller."""
+    """`--identify`, `--mission` and `--hedging`: what is flown, and by which controller."""
+    parser.add_argument(
+        "--mission",
+        metavar="NAME|FILE",
+        help=f"fly {', '.join(NAMES)}, a mission in YAML, samples (CSV, Parquet), or a .plan instead of the config's",
+    )
+    parser.add_argument(
+        "--speed", type=float, metavar="M_S", help="largest speed of a circle or lemniscate (default: 1)"
+    )
+    parser.add_argument("--stretch", action="store_true", help="slow a trajectory that asks for too much until it fits")
     parser.add_argument(
         "--identify",
         action="store_true",

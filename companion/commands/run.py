@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import time
 from pathlib import Path
@@ -12,8 +13,9 @@ from companion.certify.from_config import certificate_path
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_flight, config_file
 from companion.config import Config, ConfigError
 from companion.config.mission.identifying import as_flown, in_a_line
+from companion.errors import printable
 from companion.flight.authority.states import ORDINARY, Reason
-from companion.flight.host.runtime import Summary
+from companion.flight.host.runtime import Summary, stop_signals
 from companion.flight.host.service import Notifier, prepare_process
 from companion.flight.host.terminal import Terminal
 from companion.flight.process import FlightProcess
@@ -23,7 +25,7 @@ from companion.mavlink.logs.protocol import ON_A_LINE, ON_A_NETWORK
 from companion.mavlink.tool_client import tool_socket
 from companion.mavlink.tool_server import ToolServer
 from companion.record.folder import new_folder, open_folder
-from companion.record.recorder import EVENT
+from companion.record.recorder import EVENT, Recorder
 from companion.record.schema import pack_event
 
 _WANTED = (Reason.MISSION_COMPLETE, Reason.OPERATOR)
@@ -86,52 +88,50 @@ def run(arguments: Arguments) -> int:
     if warning is not None and not arguments.uncertified:
         raise ConfigError(f"{warning}: run `companion check {config_path} --out {certificate}`, or fly --uncertified")
     if warning is not None:
-        print(f"companion: UNCERTIFIED FLIGHT: {warning}", file=sys.stderr)
-    link = open_link(arguments.link or config.link.url)
-    try:
+        print(f"companion: UNCERTIFIED FLIGHT: {printable(warning)}", file=sys.stderr)
+    with contextlib.ExitStack() as open_things:
+        link = open_link(arguments.link or config.link.url)
+        open_things.callback(link.close)
         folder = new_folder(arguments.out, config_path.stem)
         recorder = open_folder(folder, config_path, config, blocking=False)
+        open_things.callback(_end_log, recorder)
         terminal = Terminal()
-        notifier = Notifier()
+        open_things.callback(terminal.close)
         tools = _tool_server(link, terminal)
-        try:
-            terminal.print_line(f"link {link.name}, log {folder}")
-            said = [in_a_line(config)] if identifying else []
-            for name, lines in (
-                ("identification", said),
-                ("process", prepare_process(config.service)),
-                ("unwatched", _unwatched(config)),
-            ):
-                for line in lines:
-                    terminal.print_line(line)
-                    recorder.add(EVENT, time.time_ns() // 1000, pack_event(name, line))
-            summary = FlightProcess(
-                config,
-                link,
-                recorder,
-                hedging=hedging,
-                engage=arguments.engage,
-                bench=arguments.bench,
-                warning=warning,
-                uncertified=arguments.uncertified,
-                anyway=arguments.config.anyway,
-                tools=tools,
-                notifier=notifier,
-                print_line=terminal.print_line,
-            ).run()
-        finally:
-            notifier.close()
-            if tools is not None:
-                tools.close()
-            terminal.close()
-            complaint = recorder.close()
-            if complaint is not None:
-                print(f"companion: {complaint}", file=sys.stderr)
-    finally:
-        link.close()
+        if tools is not None:
+            open_things.callback(tools.close)
+        notifier = Notifier()
+        open_things.callback(notifier.close)
+        terminal.print_line(f"link {link.name}, log {folder}")
+        said = [in_a_line(config)] if identifying else []
+        for name, lines in (
+            ("identification", said),
+            ("process", prepare_process(config.service)),
+            ("unwatched", _unwatched(config)),
+        ):
+            for line in lines:
+                terminal.print_line(line)
+                recorder.add(EVENT, time.time_ns() // 1000, pack_event(name, line))
+        process = FlightProcess(
+            config,
+            link,
+            recorder,
+            hedging=hedging,
+            engage=arguments.engage,
+            bench=arguments.bench,
+            warning=warning,
+            uncertified=arguments.uncertified,
+            anyway=arguments.config.anyway,
+            tools=tools,
+            notifier=notifier,
+            print_line=terminal.print_line,
+        )
+        with stop_signals(process.stop):  # until the log is closed: a second signal must not end it before it says why
+            summary = process.run()
+            open_things.close()
     code = exit_code(summary)
     if code == _NEVER_ENGAGED:
-        print(f"companion: {summary.detail}", file=sys.stderr)
+        print(f"companion: {printable(summary.detail)}", file=sys.stderr)
     else:
         print(f"in control for {summary.engaged_s:.1f} s, {summary.ticks} ticks")
     return code
@@ -142,6 +142,12 @@ def exit_code(summary: Summary) -> int:
     if not summary.engaged and summary.reason not in _WANTED:
         return _NEVER_ENGAGED
     return 0 if summary.reason in ORDINARY and not summary.failsafe else 1
+
+
+def _end_log(recorder: Recorder) -> None:
+    complaint = recorder.close()
+    if complaint is not None:
+        print(f"companion: {printable(complaint)}", file=sys.stderr)
 
 
 def _tool_server(link: Link, terminal: Terminal) -> ToolServer | None:

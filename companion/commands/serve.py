@@ -8,6 +8,7 @@ from typing import NamedTuple
 from companion.config import Config, ConfigError
 from companion.mavlink.link import LinkError
 from companion.mavlink.signing import read_key
+from companion.processes import end_with_input
 from sitl.build import build_world
 from sitl.messages.log_card import read_log
 from sitl.wire.lockstep import LockstepTimeoutError
@@ -27,11 +28,14 @@ class Arguments(NamedTuple):
     gcs_port: int | None
     link: str | None
     logs: tuple[Path, ...]
+    end_with_input: bool = False
 
 
 def run(arguments: Arguments) -> int:
     """The plant alone, until a signal stops it. Its first line on stdout tells where it is. Raises `CompanionError`."""
     config = arguments.config
+    if arguments.end_with_input:
+        end_with_input()
     try:
         world = build_world(config)
     except ConfigError as error:

@@ -32,6 +32,7 @@ class Arguments(NamedTuple):
     gcs_port: int | None
     link: str | None
     logs: tuple[Path, ...]
+    end_with_input: bool
     against: str | None  # whom to compare with
     scenarios: list[str] | None  # None: not asked for; empty: all of them
 
@@ -53,6 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--link", help="with --serve: a serial line instead of UDP, serial:///dev/...:baud")
     parser.add_argument(
         "--log", type=Path, action="append", metavar="FILE", help="with --serve: a log for `companion logs` to find"
+    )
+    parser.add_argument(
+        "--end-with-input",
+        action="store_true",
+        help="with --serve: end when standard input does",
     )
     parser.add_argument(
         "--against",
@@ -81,6 +87,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.gcs_port,
         namespace.link,
         tuple(namespace.log or ()),
+        namespace.end_with_input,
         namespace.against,
         namespace.scenarios,
     )
@@ -115,6 +122,7 @@ def run(arguments: Arguments) -> int:
             arguments.gcs_port,
             arguments.link,
             arguments.logs,
+            arguments.end_with_input,
         )
         return serve.run(served)
     if arguments.against is not None:

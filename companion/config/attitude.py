@@ -6,8 +6,11 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import Field, model_validator
 
+from companion.attitude_response.exact import NO_DELAY, Interval
+from companion.attitude_response.exact import interval as exact_interval
 from companion.attitude_response.kind import Kind
 from companion.attitude_response.kinds import KINDS
+from companion.attitude_response.response import AttitudeResponse
 from companion.config.base import NonNegative, Number, Positive, Section
 
 Range = Positive | tuple[Positive, Positive]
@@ -92,6 +95,18 @@ class EnvelopeSection(Section):
     """Largest distance from the anchor along one axis."""
     velocity_m_s: Positive
     """Largest speed along one axis."""
+
+
+def response_of(section: ResponseSection) -> AttitudeResponse:
+    """The response in the numbers as written. Raises `ValueError` with one line for an impossible one."""
+    kind = section.kind
+    dynamics = kind.of(tuple(map(_interval, v)) if kind.of_lists else _interval(v) for v in section.values)
+    delay = _interval(section.delay_s) if section.delay_s else NO_DELAY
+    return AttitudeResponse(dynamics, delay, section.pade_order)
+
+
+def _interval(value: float | tuple[float, float]) -> Interval:
+    return exact_interval(*value) if isinstance(value, tuple) else exact_interval(value)
 
 
 def certified_delay_s(attitude: AttitudeSection) -> float:

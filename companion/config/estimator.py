@@ -1,4 +1,7 @@
-"""The `estimator` section: how wrong the estimate of the real vehicle is. `companion design` reads it."""
+"""The `estimator` section: how wrong the estimate of the real vehicle is.
+
+`companion design` reads it, and `guards.position_slide_m` has its limit from it.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,8 @@ PRESETS: Final[dict[str, VelocityError]] = {
 
 
 class EstimatorSection(Section):
-    """What aids the estimator, or how wrong its velocity is. Left out, `companion design` measures it in the log."""
+    """What aids the estimator, or how wrong its velocity is. Left out, `companion design` measures it in the log, and
+    `guards.position_slide_m` takes it for GPS."""
 
     preset: Preset | None = None
     """What aids it. Its velocity is then as wrong as PX4's EKF2 has it with this."""

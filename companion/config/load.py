@@ -11,8 +11,9 @@ import yaml
 from pydantic import ValidationError
 
 from companion.config.mission import MissionSection
-from companion.config.numbers import Loader
+from companion.config.numbers import NOT_YAML, read_yaml
 from companion.config.schema import Config
+from companion.config.text.bounded_yaml import MOST_CHARACTERS
 from companion.errors import CompanionError
 
 
@@ -20,8 +21,7 @@ class ConfigError(CompanionError):
     """A config that cannot be used; the message is one line for a person."""
 
 
-# PyYAML lets its constructors' own errors out: a date of month 13, an integer that is none, nesting without end.
-_NOT_YAML = (yaml.YAMLError, ValueError, TypeError, AttributeError, RecursionError)
+_LONGEST_LINE = 400  # of a complaint: a word in a file may be as long as the file
 
 
 def parse_override(text: str) -> tuple[list[str], Any]:
@@ -31,11 +31,11 @@ def parse_override(text: str) -> tuple[list[str], Any]:
     if not equals or not all(keys):
         raise ConfigError(f"--set {text}: write it as section.key=value")
     try:
-        return keys, yaml.load(value, Loader=Loader)
+        return keys, read_yaml(value)
     except yaml.constructor.ConstructorError as error:
-        raise ConfigError(f"--set {text}: {error.problem}") from None
-    except _NOT_YAML:
-        raise ConfigError(f"--set {text}: {value!r} is not a YAML value") from None
+        raise ConfigError(f"--set {_cut(text)}: {error.problem}") from None
+    except NOT_YAML:
+        raise ConfigError(f"--set {_cut(text)}: {_cut(repr(value))} is not a YAML value") from None
 
 
 def _unshared(value: Any) -> Any:
@@ -79,13 +79,14 @@ def _one_line(error: ValidationError) -> str:
         given = f" (it is {value!r})" if not isinstance(value, Mapping | list) else ""
         text = f"{key}: {reason}{given}" if key else reason
     more = len(problems) - 1
-    return text + (f" (and {more} more)" if more else "")
+    return _cut(text) + (f" (and {more} more)" if more else "")
 
 
 def _read(path: Path) -> Any:
     """The content of a YAML file. Raises `ConfigError`."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as stream:
+            text = stream.read(MOST_CHARACTERS + 1)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -97,17 +98,21 @@ def _read(path: Path) -> Any:
 def _parse(text: str, path: Path) -> Any:
     try:
         return _unshared(_yaml(text))
-    except _NOT_YAML as error:
+    except NOT_YAML as error:
         mark = getattr(error, "problem_mark", None)
         where = f" line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or "not valid YAML"
-        raise ConfigError(f"{path}{where}: {problem}") from None
+        raise ConfigError(f"{path}{where}: {_cut(problem)}") from None
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}..."
 
 
 @lru_cache(maxsize=8)
 def _yaml(text: str) -> Any:
     """A program that flies many flights loads the same file for each."""
-    return yaml.load(text, Loader=Loader)
+    return read_yaml(text)
 
 
 def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -125,6 +130,10 @@ def _with_mission_file(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         MissionSection.model_validate(content)
     except ValidationError as error:
         raise ConfigError(f"{path}: {_one_line(error)}") from None
+    for trajectory in content.get("trajectories", ()):  # its files lie beside it
+        for kind in ("samples", "plan"):
+            if trajectory.get(kind) is not None:
+                trajectory[kind]["file"] = str(path.parent.absolute() / trajectory[kind]["file"])
     beside = {key: value for key, value in mission.items() if key != "file"}
     return {**data, "mission": {**content, **beside}}
 

@@ -16,12 +16,16 @@ from typing import Any, Final
 
 import yaml
 
+from companion.config.text.bounded_yaml import BoundedLoader
+
+MOST_DIGITS: Final = 100  # characters of a number; to read a longer one costs the square of its length
 _PLAIN: Final = re.compile(r"[-+]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _DIGITS: Final = re.compile(r"[-+]?[0-9]+")
+_TOO_LONG: Final = f"is longer than the {MOST_DIGITS} characters of a number"
 _INT, _FLOAT, _STR = (f"tag:yaml.org,2002:{name}" for name in ("int", "float", "str"))
 
 
-class Loader(yaml.SafeLoader):
+class Loader(BoundedLoader):
     """Also refuses a key given twice, where PyYAML would silently keep the last."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
@@ -39,6 +43,8 @@ class Loader(yaml.SafeLoader):
 
     def construct_number(self, node: yaml.ScalarNode) -> object:
         """What YAML 1.1 takes for a number. Infinities and nan pass: the schema refuses them by key."""
+        if len(node.value) > MOST_DIGITS:
+            _refuse(node, _TOO_LONG)
         if not _PLAIN.fullmatch(node.value):
             read = self.construct_yaml_int(node) if node.tag == _INT else self.construct_yaml_float(node)
             if math.isfinite(read):
@@ -50,11 +56,24 @@ class Loader(yaml.SafeLoader):
         """What YAML 1.1 takes for a word, among them `1e-3` and `08`."""
         if node.style is not None:  # in quotes, or a block of text
             return node.value
+        if len(node.value) > MOST_DIGITS:
+            if _PLAIN.fullmatch(node.value):
+                _refuse(node, _TOO_LONG)
+            return node.value
         if _PLAIN.fullmatch(node.value):
             return _exact(node)
         if _number_to_python(node.value):
             _refuse(node, "is no plain decimal number: write decimal digits, or quotes around a word")
         return node.value
+
+
+def read_yaml(text: str) -> Any:
+    """What a text says. Raises one of `NOT_YAML`."""
+    return yaml.load(text, Loader=Loader)
+
+
+# PyYAML lets its constructors' own errors out: a date of month 13, an integer that is none.
+NOT_YAML: Final = (yaml.YAMLError, ValueError, TypeError, AttributeError)
 
 
 def kept(value: int) -> bool:

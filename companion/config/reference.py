@@ -53,7 +53,7 @@ and so is a number in quotes. Frames are local NED and body FRD. A key's unit is
 """
 _GUARDS_HEAD: Final = """\
 Every guard has up to three keys. `enabled`: whether it is watched. `limit`: the most that is allowed, in the unit
-below. `timeout_s`: for how long the limit must be exceeded without a break before control ends; 0 is at once. What a
+below. `timeout_s`: for how long the limit must be exceeded, less the time in which it is not; 0 is at once. What a
 file leaves out of a guard keeps its default. "derived": the limit follows from another section where none is given.
 What it means when one ends control, and what to look at then: [guards.md](guards.md).
 """

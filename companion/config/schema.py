@@ -18,9 +18,10 @@ from companion.config.estimator import EstimatorSection
 from companion.config.guards.rows import Guards
 from companion.config.link import LinkSection, TickSection
 from companion.config.mission import MissionSection
+from companion.config.mission.flown import check_trajectories
 from companion.config.plant import Plant
 from companion.config.reach import amplitude_deg, check_reach
-from companion.config.service import ReleaseSection, ServiceSection, SteeringSection
+from companion.config.service import LogSection, ReleaseSection, ServiceSection, SteeringSection
 from companion.config.vehicles import VEHICLE_KINDS, VehicleKind, VehicleName
 
 ParameterName = Annotated[str, Field(pattern="^[A-Z0-9_]{1,16}$")]
@@ -35,8 +36,10 @@ class VehicleSection(Section):
     """[1] Normalised thrust that carries the weight. It lies between `controller.limits.thrust_min` and
     `thrust_max`."""
     hover_thrust_source: Literal["config", "parameter", "estimated"] = "config"
-    """What is flown. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
-    answered. `estimated`: begins with either and is then estimated in flight; not for a rig."""
+    """What is believed. `config`: the value above. `parameter`: PX4's MPC_THR_HOVER, or the value above where it is not
+    answered or more than 20 % off. `estimated`: begins with what the vehicle hovers at in stand-by, or with either, and
+    is then estimated in flight; not for a rig. Control begins with the thrust that the vehicle hovers at, whatever is
+    believed."""
     system_id: Id = 1
     """MAVLink system id of the autopilot. Nobody else is believed."""
     component_id: Id = 1
@@ -97,6 +100,8 @@ class Config(Section):
     """Who may move the set-point live."""
     service: ServiceSection = ServiceSection()
     """What is asked of the operating system."""
+    log: LogSection = LogSection()
+    """How much of the disk flights may take."""
     plant: Plant | None = None
     """The simulated vehicle."""
     paper: PaperSection | None = None
@@ -124,6 +129,10 @@ class Config(Section):
         check_fence(self.guards.fence, self.mission)
         check_steering(self.steering, self.guards.fence, self.controller)
         check_reach(self.controller, self.mission)
+        if self.mission.trajectories:
+            if kind.one_axis:
+                raise ValueError(f"a {kind.name} flies along one axis: mission.trajectories are for free flight")
+            check_trajectories(self.mission, self.controller, self.attitude, self.guards.fence, hover)
         flown = self.mission.identification
         if flown is not None:
             amplitude_deg(self.controller, self.guards.fence, flown)  # or it raises

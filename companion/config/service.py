@@ -1,4 +1,4 @@
-"""The `service`, `steering` and `release` sections: the operating system, live set-points, and the end of control."""
+"""The `service`, `log`, `steering` and `release` sections: operating system, disk, live set-points, end of control."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from companion.config.base import Id, Priority, Section
+from companion.config.base import Id, NonNegative, Positive, Priority, Section
 
 
 class ServiceSection(Section):
@@ -16,6 +16,15 @@ class ServiceSection(Section):
     """Priority of SCHED_FIFO to ask for; 0: none. The unit file allows up to 60."""
     lock_memory: bool = False
     """Ask that no page of the process is ever swapped out or waited for (mlockall)."""
+
+
+class LogSection(Section):
+    """How much of the disk the flights of one folder may take: the oldest are deleted first (`docs/flight_log.md`)."""
+
+    quota_gb: Positive = 20.0
+    """[GB] All flights in the folder together, the one being written among them. An hour is about 0.2 GB at 250 Hz."""
+    free_gb: NonNegative = 0.5
+    """[GB] What is left free on the disk for everybody else."""
 
 
 class SteeringSection(Section):

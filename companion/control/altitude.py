@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from companion.control.types import GRAVITY_M_S2
+
 
 class AltitudeParams(NamedTuple):
     """Gains of (4) over the mass; `filter_bandwidth_rad_s` is the T of its derivative filter sT/(s + T)."""
@@ -39,9 +41,13 @@ class AltitudeState(NamedTuple):
     up: float  # wanted at the last tick, over g
 
 
-def start(z_m: float, velocity_down_m_s: float) -> AltitudeState:
-    """Integrator empty and the filter settled: the first output is hover thrust plus the proportional part."""
-    return AltitudeState(0.0, velocity_down_m_s, z_m, velocity_down_m_s, 0.0, 0.0, 1.0)
+def start(z_m: float, velocity_down_m_s: float, lift: float = 1.0, gravity_m_s2: float = GRAVITY_M_S2) -> AltitudeState:
+    """The filter settled, the integrator at what carries the vehicle: `lift`, a vertical specific force over g.
+
+    The first output is that plus the proportional part.
+    """
+    integral = gravity_m_s2 * (lift - 1.0)
+    return AltitudeState(integral, velocity_down_m_s, z_m, velocity_down_m_s, 0.0, 0.0, lift)
 
 
 def step(

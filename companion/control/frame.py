@@ -1,4 +1,4 @@
-"""The control frame turns, and what is remembered in it turns along.
+"""What is measured, in the control frame; and the frame turns, and what is remembered in it turns along.
 
 References, commands, actuator outputs and the bias weight turn as vectors (a steady wind is fixed in NED). The weights
 of position and velocity stay with their axes: they belong to pitch and roll.
@@ -8,7 +8,29 @@ from __future__ import annotations
 
 import math
 
+from companion.control import attitude
 from companion.control.mrac import AxisState
+from companion.control.types import Horizontal, Odometry
+
+
+def in_control_frame(
+    odometry: Odometry, anchor_x_m: float, anchor_y_m: float, c: float, s: float, thrust_ratio: float
+) -> Horizontal:
+    """Measured position, velocity and w of (15): the thrust direction scaled by the thrust commanded.
+
+    `c` and `s` are cosine and sine of the frame's yaw; `thrust_ratio` is over hover thrust.
+    """
+    _, x, y, _, vx, vy, _, qw, qx, qy, qz = odometry
+    north, east = x - anchor_x_m, y - anchor_y_m
+    fx, fy, _ = attitude.thrust_direction(qw, qx, qy, qz)
+    return Horizontal(
+        c * north + s * east,
+        c * vx + s * vy,
+        thrust_ratio * (c * fx + s * fy),
+        c * east - s * north,
+        c * vy - s * vx,
+        thrust_ratio * (c * fy - s * fx),
+    )
 
 
 def turn(x: AxisState, y: AxisState, by_rad: float) -> tuple[AxisState, AxisState]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint
+from companion.control import altitude, attitude, ease, frame, hover, limits, mrac, setpoint, tracking
 from companion.control.reference_model import discretise
-from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.control.types import AttitudeSetpoint, Horizontal, Jump, Odometry, PositionSetpoint, Reference
 
 
 class PositionParams(NamedTuple):
@@ -26,6 +26,7 @@ class PositionParams(NamedTuple):
     limits: limits.LimitParams
     setpoint: setpoint.SetpointParams
     hover: hover.HoverParams
+    lead: tracking.LeadParams = tracking.LeadParams()
 
 
 class PositionState(NamedTuple):
@@ -41,17 +42,7 @@ class PositionState(NamedTuple):
     force: tuple[float, float, float]  # flown over the last tick: specific force over g, control frame, positive up
     thrust: float  # normalised, over the last tick
     ease: ease.EaseState
-
-
-class Horizontal(NamedTuple):
-    """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes."""
-
-    x_m: float
-    vx_m_s: float
-    wx: float
-    y_m: float
-    vy_m_s: float
-    wy: float
+    frame: tracking.Frame  # that moves with a trajectory, at the last tick
 
 
 class PositionOutput(NamedTuple):
@@ -65,26 +56,6 @@ class PositionOutput(NamedTuple):
     thrust_limited: bool  # the vertical force was cut: the thrust is at its limit
 
 
-def in_control_frame(
-    odometry: Odometry, anchor_x_m: float, anchor_y_m: float, c: float, s: float, thrust_ratio: float
-) -> Horizontal:
-    """Measured position, velocity and w of (15): the thrust direction scaled by the thrust commanded.
-
-    `c` and `s` are cosine and sine of the frame's yaw; `thrust_ratio` is over hover thrust.
-    """
-    _, x, y, _, vx, vy, _, qw, qx, qy, qz = odometry
-    north, east = x - anchor_x_m, y - anchor_y_m
-    fx, fy, _ = attitude.thrust_direction(qw, qx, qy, qz)
-    return Horizontal(
-        c * north + s * east,
-        c * vx + s * vy,
-        thrust_ratio * (c * fx + s * fy),
-        c * east - s * north,
-        c * vy - s * vx,
-        thrust_ratio * (c * fy - s * fx),
-    )
-
-
 def engage(
     params: PositionParams,
     odometry: Odometry,
@@ -92,18 +63,19 @@ def engage(
     weights_x: tuple[float, float],
     weights_y: tuple[float, float],
     hover_thrust: float,
+    lift: float = 1.0,
 ) -> PositionState:
     """A bumpless start: anchor, references and integrators on the vehicle; weights are (position, velocity).
 
-    It begins with the attitude that the vehicle has and the thrust that carries it. What the law wants where it is and
-    as it moves is eased into; a command to be elsewhere is not.
+    It begins with the attitude that the vehicle has and the thrust that carries it, `lift` times `hover_thrust`. What
+    the law wants where it is and as it moves is eased into; a command to be elsewhere is not.
     """
-    now = in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
+    now = frame.in_control_frame(odometry, odometry.x_m, odometry.y_m, math.cos(yaw_rad), math.sin(yaw_rad), 1.0)
     _, _, down = attitude.thrust_direction(odometry.qw, odometry.qx, odometry.qy, odometry.qz)
     upright = max(-down, 0.1)  # the guard on tilt ends control long before that
-    size = 1.0 if params.one_axis else 1.0 / upright  # a rig's thrust is turned, a free one also carries the weight
+    size = 1.0 if params.one_axis else lift / upright  # a rig's thrust is turned, a free one also carries the weight
     wx, wy = size * now.wx, size * now.wy
-    z = altitude.start(odometry.z_m, odometry.vz_m_s)
+    z = altitude.start(odometry.z_m, odometry.vz_m_s, lift, params.altitude.gravity_m_s2)
     _, up = altitude.step(
         params.altitude, z, odometry.z_m, odometry.vz_m_s, odometry.z_m, 0.0, 1.0,
         params.limits.thrust_min / hover_thrust, params.limits.thrust_max / hover_thrust, 1.0,
@@ -120,7 +92,8 @@ def engage(
         PositionSetpoint(odometry.x_m, odometry.y_m, odometry.z_m, yaw_rad),
         (wx, wy, size * upright),
         size * hover_thrust,
-        ease.EaseState(wx + brake_x, wy + brake_y, 1.0 - up, ease.DURATION_S, False),
+        ease.EaseState(wx + brake_x, wy + brake_y, lift - up, ease.DURATION_S, False),
+        tracking.AT_REST,
     )
 
 
@@ -130,7 +103,7 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
     What stays of it, a law that sees another velocity or heading, is eased into from the force flown last. Tilt and
     thrust are the vehicle's own and stay in the control frame, which turns with the heading.
     """
-    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, _ = state
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, _, moved = state
     yaw = flown.yaw_rad + jump.yaw_rad
     c, s = math.cos(yaw), math.sin(yaw)
     x, y = frame.turn_references(x, y, jump.yaw_rad)
@@ -145,18 +118,30 @@ def reseat(state: PositionState, jump: Jump) -> PositionState:
         force,
         thrust,
         ease.EaseState(0.0, 0.0, 0.0, 0.0, True),
+        moved,
     )
 
 
 def step(
-    params: PositionParams, state: PositionState, odometry: Odometry, command: PositionSetpoint, dt_s: float
+    params: PositionParams,
+    state: PositionState,
+    odometry: Odometry,
+    command: PositionSetpoint,
+    dt_s: float,
+    reference: Reference | None = None,
 ) -> tuple[PositionState, PositionOutput]:
-    """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it."""
-    params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation = params
-    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing = state
-    _, thrust_min, thrust_max, _, _ = bounds
-    yaw = flown.yaw_rad
-    if command != flown:
+    """One tick of the position loop: (4) and (19)-(22) for the force, (5)-(6) for the attitude that makes it.
+
+    With a `reference` it flies that instant of a trajectory, in the frame that moves with it (`control.tracking`), and
+    not the command. The anchor must be at the set-point.
+    """
+    params_x, params_y, params_z, one_axis, anchored_at_setpoint, bounds, travel, estimation, lead = params
+    x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing, before = state
+    yaw, gravity, after = flown.yaw_rad, bounds.gravity_m_s2, tracking.AT_REST
+    if reference is not None:
+        flown = PositionSetpoint(reference.x_m, reference.y_m, reference.z_m, reference.yaw_rad)
+        after = tracking.move(reference, lead, gravity)
+    elif command != flown:
         flown = setpoint.advance(travel, flown, command, dt_s)
     command_x, command_y, command_z, flown_yaw = flown
     if flown_yaw != yaw:
@@ -177,10 +162,13 @@ def step(
     shift_x = shift_y = 0.0
     if anchored_at_setpoint:
         anchor_x, anchor_y, shift_x, shift_y, ahead, aside = command_x, command_y, ahead, aside, 0.0, 0.0
-    now = in_control_frame(odometry, anchor_x, anchor_y, c, s, thrust / hover_thrust)
+    now = frame.in_control_frame(odometry, anchor_x, anchor_y, c, s, thrust / hover_thrust)
+    if after.moving or before.moving:
+        x, y, shift_x, shift_y, now = tracking.enter(before, after, x, y, shift_x, shift_y, now, c, s, gravity, dt_s)
     at_x, vx, wx, at_y, vy, wy = now
     omega, damping = params_x[0], params_x[1]
     over = discretise(omega, damping, dt_s)
+    bias_x, bias_y = x.bias_weight, y.bias_weight
     x, out_x = mrac.step(params_x, x, over, shift_x, at_x, vx, wx, ahead, dt_s)
     if one_axis:
         out_y, up = mrac.AxisOutput(0.0, 0.0, 0.0, 0.0), 1.0
@@ -188,24 +176,60 @@ def step(
         if params_y[0] != omega or params_y[1] != damping:
             over = discretise(params_y[0], params_y[1], dt_s)
         y, out_y = mrac.step(params_y, y, over, shift_y, at_y, vy, wy, aside, dt_s)
-        lowest, highest, ratio = thrust_min / hover_thrust, thrust_max / hover_thrust, hover_before / hover_thrust
-        z, up = altitude.step(
-            params_z, z, odometry.z_m, odometry.vz_m_s, command_z, dt_s, force[2], lowest, highest, ratio
+        z, up = _climb(
+            params_z, bounds, z, before, after, odometry, command_z, dt_s, force[2], hover_before, hover_thrust
         )
     along, across = out_x.control, out_y.control
+    if reference is not None:
+        fed_along, fed_across = tracking.feed(reference, lead, c, s, gravity)
+        along += fed_along + tracking.foresee(lead.x1_s, bias_x, x.bias_weight, dt_s)
+        across += fed_across + tracking.foresee(lead.y1_s, bias_y, y.bias_weight, dt_s)
     if easing.due or easing.left_s > 0.0:
         easing, along, across, up = ease.step(easing, (along, across, up), force, dt_s)
 
-    if one_axis:
-        along, across, up, cut, up_cut = limits.limit_level(bounds, along)
-    else:
-        along, across, up, cut, up_cut = limits.limit(bounds, along, across, up, hover_thrust)
-    qw, qx, qy, qz, size = attitude.orient(c * along - s * across, s * along + c * across, -up, c, s)
-    thrust = min(size * hover_thrust, thrust_max)
+    force, answer, cut, up_cut = _attain(bounds, one_axis, along, across, up, hover_thrust, c, s)
     return (
-        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, (along, across, up), thrust, easing),
-        PositionOutput(AttitudeSetpoint(qw, qx, qy, qz, thrust), now, out_x, out_y, cut or up_cut, up_cut),
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, answer.thrust, easing, after),
+        PositionOutput(answer, now, out_x, out_y, cut or up_cut, up_cut),
     )
+
+
+def _climb(
+    params: altitude.AltitudeParams,
+    bounds: limits.LimitParams,
+    state: altitude.AltitudeState,
+    before: tracking.Frame,
+    after: tracking.Frame,
+    odometry: Odometry,
+    command_z_m: float,
+    dt_s: float,
+    flown_up: float,
+    hover_before: float,
+    hover_thrust: float,
+) -> tuple[altitude.AltitudeState, float]:
+    """The altitude cascade in the frame that is flown in."""
+    z_m, vz_m_s = odometry.z_m, odometry.vz_m_s
+    lowest, highest, ratio = (
+        bounds.thrust_min / hover_thrust, bounds.thrust_max / hover_thrust, hover_before / hover_thrust
+    )  # fmt: skip
+    if after.moving or before.moving:
+        return tracking.climb(
+            params, state, before, after, z_m, vz_m_s, command_z_m, dt_s, flown_up, lowest, highest, ratio
+        )
+    return altitude.step(params, state, z_m, vz_m_s, command_z_m, dt_s, flown_up, lowest, highest, ratio)
+
+
+def _attain(
+    bounds: limits.LimitParams, one_axis: bool, x: float, y: float, up: float, hover_thrust: float, c: float, s: float
+) -> tuple[tuple[float, float, float], AttitudeSetpoint, bool, bool]:
+    """(force within the limits, the set-point that makes it, whether anything was cut, whether `up` was)."""
+    if one_axis:
+        x, y, up, cut, up_cut = limits.limit_level(bounds, x)
+    else:
+        x, y, up, cut, up_cut = limits.limit(bounds, x, y, up, hover_thrust)
+    qw, qx, qy, qz, size = attitude.orient(c * x - s * y, s * x + c * y, -up, c, s)
+    thrust = min(size * hover_thrust, bounds.thrust_max)
+    return (x, y, up), AttitudeSetpoint(qw, qx, qy, qz, thrust), cut, up_cut
 
 
 def lean(
@@ -216,18 +240,13 @@ def lean(
     `trim` is what a steady wind needs, specific force over g in the control frame. Out: the state of a vehicle that
     flies this, and the set-point.
     """
-    x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing = state
+    x, y, z, lift, anchor_x, anchor_y, flown, (_, _, up), _, easing, moved = state
     c, s = math.cos(flown.yaw_rad), math.sin(flown.yaw_rad)
     along = math.tan(math.atan(trim[0]) - pitch_rad)
     across = 0.0 if params.one_axis else math.tan(math.atan(trim[1]) + roll_rad)
-    if params.one_axis:
-        along, across, up, _, _ = limits.limit_level(params.limits, math.sin(math.atan(along)))
-    else:
-        along, across, up, _, _ = limits.limit(params.limits, up * along, up * across, up, lift.hover_thrust)
-    qw, qx, qy, qz, size = attitude.orient(c * along - s * across, s * along + c * across, -up, c, s)
-    thrust = min(size * lift.hover_thrust, params.limits.thrust_max)
-    force = (along, across, up)
+    along, across = (math.sin(math.atan(along)), across) if params.one_axis else (up * along, up * across)
+    force, answer, _, _ = _attain(params.limits, params.one_axis, along, across, up, lift.hover_thrust, c, s)
     return (
-        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, thrust, easing),
-        AttitudeSetpoint(qw, qx, qy, qz, thrust),
+        PositionState(x, y, z, lift, anchor_x, anchor_y, flown, force, answer.thrust, easing, moved),
+        answer,
     )

@@ -35,6 +35,27 @@ class PositionSetpoint(NamedTuple):
     yaw_rad: float
 
 
+class Reference(NamedTuple):
+    """One instant of a trajectory in local NED: position and its first four derivatives, and the heading."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    vx_m_s: float
+    vy_m_s: float
+    vz_m_s: float
+    ax_m_s2: float
+    ay_m_s2: float
+    az_m_s2: float
+    jx_m_s3: float
+    jy_m_s3: float
+    jz_m_s3: float
+    sx_m_s4: float
+    sy_m_s4: float
+    sz_m_s4: float
+    yaw_rad: float
+
+
 class Jump(NamedTuple):
     """A step of the estimate itself: what it says now minus what it was expected to say. The vehicle did not move."""
 
@@ -45,6 +66,20 @@ class Jump(NamedTuple):
     vy_m_s: float
     vz_m_s: float
     yaw_rad: float
+
+
+class Horizontal(NamedTuple):
+    """One instant in the control frame: position, velocity and actuator output (specific force over g) of both axes.
+
+    On a trajectory all three are less the trajectory's own.
+    """
+
+    x_m: float
+    vx_m_s: float
+    wx: float
+    y_m: float
+    vy_m_s: float
+    wy: float
 
 
 class AttitudeSetpoint(NamedTuple):

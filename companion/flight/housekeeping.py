@@ -85,7 +85,7 @@ class Housekeeping:
             self._connect(wall_s)
         elif state is State.CHECKING:
             self._check()
-        elif state is State.STANDBY and self._engagement is not None:
+        elif state is State.STANDBY and self._engagement is not None and not flight.backlog.waiting:
             self._engage(self._engagement)
         if flight.plausible.refused is not None and state in (State.CHECKING, State.STANDBY):
             flight.refuse(Reason.IMPLAUSIBLE, flight.plausible.refused)

@@ -6,8 +6,6 @@ that may come after the set-point are `watch`.
 
 from __future__ import annotations
 
-import contextlib
-import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -20,7 +18,7 @@ from companion.flight.host.runtime import Status, Summary, quiet_memory, stop_si
 from companion.flight.host.service import Notifier
 from companion.flight.housekeeping import Housekeeping
 from companion.flight.readiness.engage import Engagement, plan
-from companion.flight.release import let_go
+from companion.flight.release import let_go, tell_error, whatever_happens
 from companion.flight.session import Session, To
 from companion.flight.steering import LiveCommands
 from companion.flight.ticks import Ticks
@@ -105,6 +103,8 @@ class FlightProcess:
             announce("uncertified", self._warning)
         if self._bench:
             announce("bench", "BENCH: propellers off? control begins on the ground too", To.LOG | To.PERSON)
+        for remark in self._link.remarks:
+            announce("signing", remark, To.LOG | To.PERSON)
         announce(_CONNECTING.name.lower(), "link, waiting for vehicle {}/{}".format(*flight.ids))
         with quiet_memory(), stop_signals(self.stop):
             try:
@@ -113,27 +113,44 @@ class FlightProcess:
                 self._changes.end(Reason.LINK_LOST, str(error))
             except Exception as error:  # whatever it was, the vehicle is handed back and the log tells
                 self._changes.end(Reason.INTERNAL_ERROR, f"{type(error).__name__}: {error}")
-                announce("traceback", traceback.format_exc())
-            reason = flight.ending.reason
+                tell_error(flight)
+            return self._end()
+
+    def _end(self) -> Summary:
+        """Control has ended: hand the vehicle back, and say why. A step that goes wrong keeps none of the others."""
+        flight, announce = self._flight, self._flight.announce
+        reason, detail = flight.ending.reason, flight.ending.detail
+        with whatever_happens(flight):
             if self._notifier is not None:
                 self._notifier.stopping(reason.value)
-            with contextlib.suppress(LinkError):
-                let_go(flight, self._hand_on)
-        detail = describe_ending(flight)
-        if not self._lockstep:  # there, how many came after the end is chance
-            announce("traffic", flight.link.tally())
-        announce(f"released_{reason.value}", detail, To.LOG | To.PERSON, line=f"released: {reason.value} ({detail})")
+        with whatever_happens(flight):
+            let_go(flight, self._hand_on)
+        with whatever_happens(flight):
+            detail = describe_ending(flight)
+        with whatever_happens(flight):
+            if not self._lockstep:  # there, how many came after the end is chance
+                announce("traffic", flight.link.tally())
+        with whatever_happens(flight):
+            complaint = flight.link.close()
+            if complaint is not None:
+                announce("signing", complaint, To.LOG | To.PERSON)
+        with whatever_happens(flight):
+            announce(
+                f"released_{reason.value}", detail, To.LOG | To.PERSON, line=f"released: {reason.value} ({detail})"
+            )
         return Summary(reason, detail, flight.engaged, flight.pilot.elapsed_s, flight.ticks, taken_by_failsafe(flight))
 
     def _loop(self) -> None:
         """Until control has ended."""
         flight, link, clock, housekeeping = self._flight, self._link, self._flight.clock, self._housekeeping
-        freshness, overrun_s = flight.freshness, flight.limits[Reason.TICK_OVERRUN]
+        freshness, overrun_s, lockstep = flight.freshness, flight.limits[Reason.TICK_OVERRUN], self._lockstep
         heard_s = clock.began_wall_s
         while flight.state is not _RELEASED:
             data = link.receive()
             wall_s = clock.wall_s()
             clock.waited(wall_s)
+            if not lockstep:
+                flight.turn(wall_s)
             # Decided before what has come is believed: after a pause of ours it is stale. In control nothing changes
             # between two messages but that what was heard grows old.
             if flight.state is not _ENGAGED or flight.fault is not None or clock.now_s > freshness.until_s:
@@ -144,16 +161,16 @@ class FlightProcess:
                 for message in link.messages(data):
                     self._hand_on(message)
                 self._live_commands.fly_newest()
-            elif self._lockstep:
+            elif lockstep:
                 self._silence(wall_s - heard_s)
             if self._tools is not None:
                 closed = self._tools.turn(clock.now_s, heard=bool(data))
                 if closed is not None:
                     flight.announce("tools_closed", closed)
-            clock_s = clock.passed_s if self._lockstep and flight.sample is not None else wall_s
+            clock_s = clock.passed_s if lockstep and flight.sample is not None else wall_s
             if clock_s >= housekeeping.due_s:
                 housekeeping.run_due(clock_s, wall_s)
-            if clock.wall_s() - wall_s > overrun_s and flight.state is _ENGAGED and not self._lockstep:
+            if clock.wall_s() - wall_s > overrun_s and flight.state is _ENGAGED and not lockstep:
                 flight.refuse(Reason.TICK_OVERRUN, f"a tick took {clock.wall_s() - wall_s:.3f} s")
 
     # -- what comes in ------------------------------------------------------------------------------------------------

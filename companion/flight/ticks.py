@@ -30,7 +30,7 @@ class Ticks:
     def __init__(self, flight: Session, changes: Changes, restart_housekeeping: Callable[[], None]) -> None:
         self._flight, self._changes, self._restart_housekeeping = flight, changes, restart_housekeeping
         self._link, self._pilot, self._pose, self._watch = flight.link, flight.pilot, flight.pose, flight.watch
-        self._clock, self._freshness = flight.clock, flight.freshness
+        self._clock, self._freshness, self._backlog = flight.clock, flight.freshness, flight.backlog
         self._lockstep = flight.lockstep
         self._flies = flight.config.vehicle_kind.can_fly
         self._largest_step_s = min(flight.limits[Reason.CLOCK_JUMP], LARGEST_STEP_S)
@@ -65,25 +65,31 @@ class Ticks:
                 self._restart_housekeeping()
                 self._changes.restart()
         flight.sample = sample
+        flight.ground.on_height(sample.z_m)
+        old = self._backlog.waiting and flight.is_old(sample)
         if self._pose.reset_counter != self._resets:
             self._resets = self._pose.reset_counter
             flight.settling.restart()
+            if last is not None:
+                flight.ground.on_reset(sample.z_m - last.z_m)
             if engaged and last is not None:
                 self._changes.reseat(last, sample)
                 engaged = flight.state is _ENGAGED
-        if engaged:
+        if engaged and not old:
             self._fly(sample, dt)
+        elif engaged:
+            self._pilot.step(sample, dt)  # the vehicle went through it, with what it was told last
         else:
             if flight.state is not _RELEASED:
-                flight.settling.on_sample(sample, flight.estimator.missing)
+                flight.settling.on_sample(sample, flight.missing_solutions)
             if flight.state is _CHECKING:
                 flight.preflight.on_sample(sample.time_s)
-            if (flight.state is _STANDBY and not flight.hands_off) or (
+            if (flight.state is _STANDBY and not flight.hands_off and not old) or (
                 self._lockstep and flight.state is not _RELEASED
             ):
                 self._stand_by(sample, dt)
         # The age of the pose, which is looked at before the next sample: an estimate that has stopped grows old.
-        if last is None or sample[1] != last[1] or not self._repeats(last, sample):
+        if not old and (last is None or sample[1] != last[1] or not self._repeats(last, sample)):
             self._freshness.on_pose(self._clock.now_s)
 
     def answer(self, sample: Odometry) -> None:
@@ -111,7 +117,7 @@ class Ticks:
         self._record(pilot.record(sample, dt_s, setpoint, latency_s, flight.state))
         if sample[0] >= watch.due_s:
             flight.delay.heard(sample.time_s, self._clock.now_s)
-            reason = watch.look(sample, setpoint, pilot, flight.told(), flight.ticks)
+            reason = watch.look(sample, setpoint, pilot, flight.told(), self._freshness.poses)
             if reason is not None:
                 self._stop_for(reason)
                 return
@@ -124,16 +130,19 @@ class Ticks:
         self._changes.decide()
 
     def _stand_by(self, sample: Odometry, dt_s: float) -> None:
-        """Stream what is safe to be switched to: the attitude as it is, hover thrust.
+        """Stream what is safe to be switched to: the attitude as it is, the thrust that carries it.
 
         No thrust only while the vehicle says that it stands on the ground, or is disarmed in another mode: armed is
         told once a second, OFFBOARD at once, and a vehicle in the air must not fall in between.
         """
-        grounded = self._flight.ground.idle or (not self._link.armed and self._link.mode != _OFFBOARD)
-        thrust = 0.0 if grounded else self._pilot.hover_thrust
+        flight = self._flight
+        grounded = flight.ground.idle or (not self._link.armed and self._link.mode != _OFFBOARD)
+        flight.hovering.on_sample(sample, dt_s, offboard=self._link.mode == _OFFBOARD)
+        self._pilot.believe_hovering(flight.hovering.thrust)
+        thrust = 0.0 if grounded else self._pilot.standby_thrust
         setpoint = AttitudeSetpoint(sample.qw, sample.qx, sample.qy, sample.qz, thrust)
         latency_s = self._send(sample, setpoint)
-        self._record(record_standby(sample, dt_s, setpoint, latency_s, self._flight.state))
+        self._record(record_standby(sample, dt_s, setpoint, latency_s, flight.state))
 
     def _send(self, sample: Odometry, setpoint: AttitudeSetpoint) -> float:
         """Out with the set-point; how long after its odometry came in."""

@@ -10,12 +10,11 @@ from companion.flight.authority import states as authority
 from companion.flight.authority.states import Known, Reason, State
 from companion.flight.guards import estimator
 from companion.flight.session import Ending, Session, To
-from companion.flight.vehicle_link.messages import Heartbeat, LandedState, ModeReport
+from companion.flight.vehicle_link.messages import FlownThrust, Heartbeat, LandedState, ModeReport
 from companion.flight.vehicle_link.modes import BY_STICKS, Mode, mode_name
 from companion.flight.vehicle_link.requests import TellHeartbeat
 
 _CURRENT_MODE_S: Final = 2.0  # a vehicle that has not told by CURRENT_MODE what is intended by then does not know it
-_RESETS_LIMIT: Final = 2.0  # of guards.estimator_jump_m, for all resets within a minute
 
 
 class Changes:
@@ -28,8 +27,8 @@ class Changes:
         self._flight = flight
         self._warning = warning
         self._checking_since_s = 0.0
-        self._resets = estimator.Resets()
         self._told_intention = False
+        self._asked_whether_armed = False
 
     @property
     def handlers(self) -> dict[type, Callable[[Any], None]]:
@@ -38,13 +37,33 @@ class Changes:
             Heartbeat: self._on_heartbeat,
             ModeReport: self._on_mode_report,
             LandedState: self._on_landed_state,
+            FlownThrust: self._on_flown_thrust,
         }
 
     def _on_landed_state(self, state: LandedState) -> None:
         flight = self._flight
         if flight.sample is not None:
             flight.plausible.on_landed_state(-flight.sample.z_m, landed=state.landed)
-        flight.ground.on_report(flight.clock.now_s, landed=state.landed, offboard=flight.link.mode == Mode.OFFBOARD)
+        offboard, now_s = flight.link.mode == Mode.OFFBOARD, flight.clock.now_s
+        flight.ground.on_report(now_s, landed=state.landed, offboard=offboard, taking_off=state.taking_off)
+        if flight.ground.standing and not offboard:
+            flight.hovering.forget()
+        if flight.state is State.ENGAGED and state.landed:
+            if not self._asked_whether_armed:  # disarmed in the air it reads landed too, and that is another reason
+                self._asked_whether_armed = True
+                flight.link.request(TellHeartbeat())
+            if flight.ground.landed(now_s):
+                flight.refuse(Reason.LANDED, "the vehicle says that it has landed")
+            self.decide()
+
+    def _on_flown_thrust(self, flown: FlownThrust) -> None:
+        flight = self._flight
+        offboard = flight.link.mode == Mode.OFFBOARD
+        flight.ground.on_thrust(flight.clock.now_s, flown.thrust, offboard=offboard)
+        if flight.link.mode == Mode.TAKEOFF:  # pushed off, and climbing
+            flight.hovering.forget()
+        else:
+            flight.hovering.on_thrust(flown.thrust, offboard=offboard)
 
     def _on_heartbeat(self, _: Heartbeat) -> None:
         self._flight.freshness.on_heartbeat(self._flight.clock.now_s)
@@ -61,21 +80,13 @@ class Changes:
         flight = self._flight
         jump = estimator.jump(last, sample)
         length_m, limit_m = estimator.length_m(jump), flight.limits[Reason.ESTIMATOR_JUMP]
-        total_m = self._resets.add(sample.time_s, length_m)
         if length_m > limit_m:
-            too_much = f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m"
-        elif total_m > _RESETS_LIMIT * limit_m:
-            too_much = (
-                f"the estimator's resets within {estimator.RESETS_S:g} s add up to {total_m:.2f} m, "
-                f"more than {_RESETS_LIMIT * limit_m:g} m"
-            )
-        else:
-            flight.pilot.reseat(jump)
-            flight.watch.reseat(jump)
-            flight.announce("reseated", f"the estimator reset, {length_m:.2f} m")
+            flight.refuse(Reason.ESTIMATOR_JUMP, f"the estimator reset, {length_m:.2f} m, more than {limit_m:g} m")
+            self.decide()
             return
-        flight.refuse(Reason.ESTIMATOR_JUMP, too_much)
-        self.decide()
+        flight.pilot.reseat(jump)
+        flight.watch.reseat(jump, sample.time_s)
+        flight.announce("reseated", f"the estimator reset, {length_m:.2f} m")
 
     def restart(self) -> None:
         """From here on the clock is another one."""
@@ -99,13 +110,15 @@ class Changes:
         elif state is State.STANDBY:
             self._stand_by()
         elif state is State.ENGAGED and flight.sample is not None:
-            flight.pilot.take_over(flight.sample, flight.preflight.pinned.hover_thrust)
+            flight.pilot.take_over(flight.sample)
             flight.watch.begin(flight.sample)
             flight.engaged = True
         flight.state = state
         if reason is not None:
             fault = flight.fault
             flight.ending = fault if fault is not None and fault.reason is reason else Ending(reason)
+            if reason is Reason.ON_GROUND:
+                flight.ending = Ending(reason, f"{reason.meaning}; {self._doubt()}")
             return
         rate = flight.preflight.rate_hz
         detail = f"{flight.pose.message} at {rate:.0f} Hz" if rate else ""
@@ -128,6 +141,8 @@ class Changes:
             grounded = flight.state is State.STANDBY and not link.armed
             fault = flight.freshness.stale(flight.clock.now_s, grounded=grounded)
         offboard = link.mode == Mode.OFFBOARD
+        if flight.state is State.STANDBY and flight.backlog.waiting:
+            offboard = False  # said a while ago: what has become of it meanwhile comes later in the queue
         return Known(
             link.connected,
             flight.preflight.passed and flight.settling.settled and flight.hands_off is not None,
@@ -136,8 +151,12 @@ class Changes:
             fault,
             link.killed,
             flight.hands_off is not False,
-            flight.ground.began_on(flight.clock.now_s, offboard=offboard),
+            self._doubt() is not None,
         )
+
+    def _doubt(self) -> str | None:
+        flight = self._flight
+        return flight.ground.doubt(flight.clock.now_s, offboard=flight.link.mode == Mode.OFFBOARD)
 
     def _look_whose(self) -> None:
         """Whether OFFBOARD is somebody else's, until it is certain at stand-by that it is not."""
@@ -179,7 +198,7 @@ class Changes:
             flight.announce("uncertified", f"UNCERTIFIED: {warning}", To.GROUND_STATION)
         lines = [*pinned.remarks(), *flight.blindness.settle(flight.told())]
         if not flight.ground.told:
-            lines.append("the vehicle does not tell whether it is in the air: switch to OFFBOARD only there")
+            lines.append("the vehicle does not tell whether it is in the air: control does not begin before it does")
         if (flown := flight.pilot.manoeuvre) is not None:
             lines.append(f"to be flown: {flown.doublets} doublets of {flown.amplitude_deg:g} degrees")
         for line in lines:

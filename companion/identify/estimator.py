@@ -17,7 +17,7 @@ from companion.config.estimator import VelocityError
 from companion.control import estimate_correction
 from companion.control.types import Odometry
 from companion.identify.manoeuvres import intervals_inside
-from companion.identify.series import OURS, Estimate, Floats, Recording
+from companion.identify.series import OURS, Estimate, Floats, Recording, intersect
 
 SHORTEST_S: Final = 20.0  # in control; the error's time constant is seconds
 LEAST_M_S: Final = 0.005  # below it nothing aids the position, or the estimate is the truth: it tells nothing
@@ -47,6 +47,9 @@ def _differences(recording: Recording) -> list[Floats]:
         spans = recording.in_flight
     if recording.track.clock == OURS:  # the estimate's clock is the vehicle's: by the stamps of the attitude
         spans = np.interp(spans, recording.track.attitude_time_s, recording.stamps_s)
+    resets_s = estimate.resets_s  # a jump of the position is no error of the velocity
+    between = np.stack([np.append(-np.inf, resets_s), np.append(np.nextafter(resets_s, -np.inf), np.inf)], axis=1)
+    spans = intersect(spans, between)
     stretches = intervals_inside(spans, float(estimate.time_s[0]), float(estimate.time_s[-1]))
     return [_difference(estimate, start_s, stop_s) for start_s, stop_s in stretches]
 

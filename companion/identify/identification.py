@@ -16,6 +16,7 @@ from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
 from companion.identify.logs import read_log
 from companion.identify.manoeuvres import FLY, Manoeuvre, TooFewManoeuvresError, cut, find, select
+from companion.identify.reading.tuning import in_force
 from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording
 
 LEAST_FIT: Final = 0.9
@@ -60,6 +61,8 @@ class AxisIdentification(NamedTuple):
         None where no log tells the link's share.
     lateness_s
         How much longer the delay may be than the log shows, see `Recording.lateness_s`.
+    gains
+        Parameters of the attitude loop in force at the manoeuvres.
     method
         `MANOEUVRES`: least squares on clean doublets, intervals by their repetition (`fit`). `PREDICTION`: any flight,
         with a model of what disturbs it (`prediction_error`).
@@ -72,6 +75,7 @@ class AxisIdentification(NamedTuple):
     delay: DelaySplit | None
     lateness_s: float
     method: str
+    gains: dict[str, float] = {}  # noqa: RUF012 - never changed
 
 
 class Identification(NamedTuple):
@@ -86,11 +90,13 @@ class Identification(NamedTuple):
     refused
         Why another could not, one line each.
     gains
-        Parameters of the attitude loop as logged, for comparing with the vehicle's later.
+        Parameters of the attitude loop in force at the manoeuvres, for comparing with the vehicle's later.
     velocity_error
         Of the estimator, where the logs tell.
     px4_version
         The vehicle's, as "1.17", for the same; None where no log tells.
+    notes
+        What was dropped or passed over in reading, one line each.
     """
 
     paths: tuple[Path, ...]
@@ -101,6 +107,7 @@ class Identification(NamedTuple):
     gains: dict[str, float]
     velocity_error: VelocityError | None
     px4_version: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def identify_log(paths: Sequence[Path], system_id: int | None = None) -> Identification:
@@ -130,22 +137,26 @@ def identify(recordings: Sequence[Recording]) -> Identification:
     fitted, views = _pair(recordings)
     found = [find(recording) for recording in fitted]
     where = ", ".join(str(recording.path) for recording in recordings)
+    notes = tuple(f"{recording.path}: {note}" for recording in recordings for note in recording.notes)
+    also = f" ({notes[0]})" if notes else ""  # a log that ends early has too few manoeuvres because it does
     axes: dict[str, AxisIdentification] = {}
     refused: dict[str, str] = {}
     for axis in AXES:
         try:
             axes[axis] = _identify(axis, [m for by_axis in found for m in by_axis[axis]], fitted, views, where)
         except LogError as error:
-            refused[axis] = str(error)
+            refused[axis] = f"{error}{also}"
     if not axes:
         reasons = list(refused.values())
-        none = f"{where}: too little excitation: {FLY.format('roll and in pitch')}"
+        none = f"{where}: too little excitation: {FLY.format('roll and in pitch')}{also}"
         raise LogError(none if all("no manoeuvre" in reason for reason in reasons) else reasons[0])
-    gains = {name: value for recording in recordings for name, value in recording.gains.items()}
+    gains = {name: value for axis in axes.values() for name, value in axis.gains.items()}
     paths = tuple(recording.path for recording in recordings)
     version = next((recording.px4_version for recording in recordings if recording.px4_version), None)
     estimator = velocity_error(recordings)
-    return Identification(paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator, version)
+    return Identification(
+        paths, fitted[0].system_id, fitted[0].track.clock, axes, refused, gains, estimator, version, notes
+    )
 
 
 _Views = dict[Path, tuple[ClockMap, Recording | None]]
@@ -162,12 +173,6 @@ def _check_alike(recordings: Sequence[Recording]) -> None:
             raise LogError(
                 f"{other.path}: PX4 {other.px4_version}, in {first.path} it is {first.px4_version}: give logs of one"
             )
-        for name, value in first.gains.items():
-            if other.gains.get(name, value) != value:
-                raise LogError(
-                    f"{other.path}: {name} is {other.gains[name]:g}, in {first.path} it is {value:g}: give logs of one "
-                    "tuning"
-                )
 
 
 def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:
@@ -199,7 +204,8 @@ def _identify(
     except TooFewManoeuvresError as error:
         chosen, models, pieces = by_information(axis, recordings, where, str(error))
         slope = _checked(axis, chosen, pieces, where)
-        return AxisIdentification(chosen, models, slope, pieces, None, 0.0, PREDICTION)
+        return AxisIdentification(chosen, models, slope, pieces, None, 0.0, PREDICTION, _in_force(axis, pieces, views))
+    gains = _in_force(axis, kept, views)
     models = fit_all(kept)
     chosen = choose(models)
     slope = _checked(axis, chosen, kept, where)
@@ -209,7 +215,11 @@ def _identify(
             f"saturated: {FLY.format(axis)}, in calm air"
         )
     lateness = max(m.recording.lateness_s for m in kept)
-    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness, MANOEUVRES)
+    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness, MANOEUVRES, gains)
+
+
+def _in_force(axis: str, fitted: list[Manoeuvre], views: _Views) -> dict[str, float]:
+    return in_force(axis, [(m.recording, m.start_s, m.end_s) for m in fitted], views)
 
 
 def _checked(axis: str, chosen: ModelFit, fitted: list[Manoeuvre], where: str) -> float:

@@ -58,11 +58,12 @@ def warnings(identification: Identification) -> list[str]:
     """What a user must know before he believes the numbers."""
     lateness = max(axis.lateness_s for axis in identification.axes.values())
     if not lateness:
-        return []
+        return [*identification.notes]
     return [
+        *identification.notes,
         f"This log keeps a set-point only every {1e3 * lateness:.0f} ms, so each was in force up to that long before: "
         f"the delay is a lower bound, the truth may be {1e3 * lateness:.0f} ms more and is likely half that. "
-        "Give the tlog of the same flight, or log vehicle_attitude_setpoint at its full rate."
+        "Give the tlog of the same flight, or log vehicle_attitude_setpoint at its full rate.",
     ]
 
 
@@ -86,7 +87,7 @@ def show(identification: Identification, console: Console) -> None:
     if ours and not any(axis.delay for axis in identification.axes.values()):
         console.print("The link's share of the delay is not in this log: give the ULog of the same flight beside it.")
     for warning in warnings(identification):
-        console.print(f"[yellow]{warning}[/yellow]")
+        console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
 def _table(name: str, axis: AxisIdentification) -> Table:

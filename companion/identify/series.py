@@ -9,12 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
+from companion.identify.reading import samples
 
 Floats = npt.NDArray[np.float64]
 
 AXES: Final = ("roll", "pitch")  # columns of every angle array here
 VEHICLE: Final = "vehicle"
 OURS: Final = "ours"
+GAINS: Final = (
+    "MC_ROLL_P", "MC_PITCH_P", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLLRATE_K", "MC_PITCHRATE_K",
+    "MC_REF_W_N", "MC_REF_FF", "MC_REF_FF_MAX",  # from PX4 v1.18
+)  # fmt: skip
+"""Parameters of PX4 that make its attitude response what it is."""
+LONGEST_PAUSE_S: Final = 5.0  # a longer one parts a flight in two: work is bounded by samples, not by the time between
 
 
 class LogError(CompanionError):
@@ -51,11 +58,14 @@ class Estimate(NamedTuple):
         Shape (n,), rising.
     position_m, velocity_m_s
         Shape (n, 2), north and east.
+    resets_s
+        Shape (k,): times at which position or velocity was set anew, and jumped.
     """
 
     time_s: Floats
     position_m: Floats
     velocity_m_s: Floats
+    resets_s: Floats = np.empty(0)
 
 
 class ClockMap(NamedTuple):
@@ -63,6 +73,14 @@ class ClockMap(NamedTuple):
 
     ours_s: Floats
     vehicle_s: Floats
+
+
+class ParameterValue(NamedTuple):
+    """A parameter from a time on, s in the track's clock; minus infinity where the log began with it."""
+
+    time_s: float
+    name: str
+    value: float
 
 
 class Recording(NamedTuple):
@@ -89,7 +107,7 @@ class Recording(NamedTuple):
     applied
         Our clock to the vehicle's, where the log carries the set-points that the vehicle had in force.
     gains
-        Parameters of the attitude loop as logged.
+        Parameters of the attitude loop when the vehicle began to follow.
     estimate
         None where the log does not have it.
     px4_version
@@ -97,6 +115,10 @@ class Recording(NamedTuple):
     in_flight
         Shape (k, 2): from when to when the vehicle was in the air and followed attitude set-points, whoever made them:
         a companion, sticks, or its own position controller. None where `following` is all that the log tells.
+    tuning
+        Parameters of the attitude loop over time, in order.
+    notes
+        What was dropped or passed over in reading, one line each, without the file's name.
     """
 
     path: Path
@@ -113,6 +135,8 @@ class Recording(NamedTuple):
     estimate: Estimate | None = None
     px4_version: str | None = None
     in_flight: Floats | None = None
+    tuning: tuple[ParameterValue, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def angles(q_wxyz: npt.NDArray[Any]) -> Floats:
@@ -123,20 +147,50 @@ def angles(q_wxyz: npt.NDArray[Any]) -> Floats:
     return np.stack([roll, pitch], axis=1)
 
 
-def ordered(path: Path, time_s: Floats, what: str, tolerance_s: float) -> npt.NDArray[np.intp]:
-    """Indices that leave a rising time; samples late by less than the tolerance are dropped.
+def ordered(
+    path: Path, time_s: Floats, what: str, notes: list[str], *, tolerance_s: float = 0.0, end_s: float = np.inf
+) -> npt.NDArray[np.intp]:
+    """Indices that leave a rising time; bad times are dropped, and counted in a note.
 
-    Raises `LogError` for a clock that goes back by more.
+    Parameters
+    ----------
+    path, what
+        File and series, for messages.
+    time_s
+        Shape (n,), as written.
+    notes
+        Takes a line when samples are dropped.
+    tolerance_s
+        Samples late by less overtook one another: they are dropped without a word.
+    end_s
+        A later time is none; without it, a few samples far behind all others are dropped.
+
+    Raises
+    ------
+    LogError
+        For a clock that was set back.
     """
-    highest = np.maximum.accumulate(time_s)
-    back = highest - time_s
-    if back.size and back.max() > tolerance_s:
-        at = int(np.argmax(back > tolerance_s))
+    kept = np.flatnonzero(time_s < samples.NEWEST_S)
+    kept = kept[samples.in_order(time_s[kept])]
+    back = samples.set_back(time_s, kept, tolerance_s)
+    if back is not None:
         raise LogError(
-            f"{path}: the clock goes backwards: {what} falls by {back[at]:.3g} s after {highest[at]:.3f} s "
+            f"{path}: the clock goes backwards: {what} falls by {back.by_s:.3g} s after {back.after_s:.3f} s "
             "(a reboot or a stepped clock): fly again without one"
         )
-    return np.flatnonzero(np.diff(highest, prepend=-np.inf) > 0.0)
+    kept = kept[samples.without_far(time_s[kept])] if np.isinf(end_s) else kept[time_s[kept] <= end_s]
+    late = np.maximum.accumulate(time_s) - time_s
+    dropped = len(time_s) - len(kept) - int(((late > 0.0) & (late <= tolerance_s)).sum())
+    if dropped > 0:
+        notes.append(f"{dropped} of {len(time_s)} samples dropped: {what} is out of order")
+    return kept[samples.rising(time_s[kept])]
+
+
+def covered(time_s: Floats) -> Floats:
+    """From when to when samples follow one another within `LONGEST_PAUSE_S`, shape (k, 2)."""
+    edges = np.flatnonzero(np.diff(time_s) > LONGEST_PAUSE_S)
+    starts, ends = np.concatenate([time_s[:1], time_s[edges + 1]]), np.concatenate([time_s[edges], time_s[-1:]])
+    return np.stack([starts, ends], axis=1)
 
 
 def spans(time_s: Floats, holds: npt.NDArray[np.bool_], end_s: float) -> Floats:
@@ -147,6 +201,16 @@ def spans(time_s: Floats, holds: npt.NDArray[np.bool_], end_s: float) -> Floats:
 
 
 def intersect(left: Floats, right: Floats) -> Floats:
-    """What two sets of spans have in common, shape (k, 2)."""
-    common = [(max(a, c), min(b, d)) for a, b in left for c, d in right if min(b, d) > max(a, c)]
+    """What two sets of spans have in common, each of them in order and without overlap; shape (k, 2)."""
+    common, i, k = list[tuple[float, float]](), 0, 0
+    while i < len(left) and k < len(right):
+        start, stop = max(left[i][0], right[k][0]), min(left[i][1], right[k][1])
+        if stop > start:
+            common.append((start, stop))
+        i, k = (i + 1, k) if left[i][1] < right[k][1] else (i, k + 1)
     return np.array(common).reshape(-1, 2)
+
+
+def outside(spans_s: Floats) -> Floats:
+    """All time that is in none of some spans, shape (k + 1, 2)."""
+    return np.stack([np.append(-np.inf, spans_s[:, 1]), np.append(spans_s[:, 0], np.inf)], axis=1)

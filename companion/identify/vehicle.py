@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from companion.config import Config
+from companion.config.numbers import NOT_YAML, read_yaml
 from companion.config.vehicles import VEHICLE_KINDS
 from companion.identify.series import AXES
 
@@ -28,8 +27,8 @@ def vehicle_of(logs: Iterable[Path], config: Config | None) -> FlownVehicle:
         flown = log / "config.yaml"
         if flown.is_file():
             try:
-                vehicle = yaml.safe_load(flown.read_text(encoding="utf-8"))["vehicle"]
+                vehicle = read_yaml(flown.read_text(encoding="utf-8"))["vehicle"]
                 return FlownVehicle(int(vehicle.get("system_id", 1)), VEHICLE_KINDS[vehicle["kind"]].angles)
-            except (OSError, ValueError, TypeError, KeyError, AttributeError, yaml.YAMLError):
+            except (OSError, KeyError, *NOT_YAML):
                 continue
     return FlownVehicle(None, AXES)

@@ -9,10 +9,9 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from companion.config import ConfigError, load_config
 from companion.config.edit import KeyPath, edited, flow
+from companion.config.numbers import NOT_YAML, read_yaml
 from companion.config.vehicles import ANGLES
 from companion.identify.identification import AxisIdentification, Identification
 from companion.identify.report import fitted
@@ -62,7 +61,10 @@ def write(path: Path, identification: Identification) -> None:
             text = stream.read()
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
-    before = yaml.safe_load(text)
+    try:
+        before = read_yaml(text)
+    except NOT_YAML:
+        raise ConfigError(f"{path}: not valid YAML any more") from None
     wanted: dict[str, dict[str, Any]] = {}
     for key, axis in ANGLES.items():
         if before["attitude"].get(key) is not None and axis in identification.axes:
@@ -73,8 +75,8 @@ def write(path: Path, identification: Identification) -> None:
             ("attitude", key): note(identification, identification.axes[ANGLES[key]]) for key in wanted
         }
         text = edited(text, {("attitude", key): flow(values) for key, values in wanted.items()}, said)
-        same = yaml.safe_load(text) == {**before, "attitude": {**before["attitude"], **wanted}}
-    except (KeyError, yaml.YAMLError):
+        same = read_yaml(text) == {**before, "attitude": {**before["attitude"], **wanted}}
+    except (KeyError, *NOT_YAML):
         same = False
     if not same:
         raise ConfigError(f"{path}: attitude cannot be replaced without disturbing the rest: write it out in full")

@@ -5,7 +5,6 @@ Opened as `companion run` opens it; where that has it already, its socket for to
 
 from __future__ import annotations
 
-import contextlib
 import os
 import time
 from collections import Counter
@@ -16,10 +15,11 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import Config
 from companion.mavlink.codec import Frame, FrameParser
+from companion.mavlink.freshness import FreshSigning
 from companion.mavlink.heard import HEARTBEAT, Heard, is_px4
 from companion.mavlink.link import Link, LinkError, open_link
-from companion.mavlink.signing import Signing, read_key
-from companion.mavlink.tool_client import ToolLink, tool_sockets
+from companion.mavlink.signing import read_key
+from companion.mavlink.tool_client import ToolLink, UntrustedSocketError, tool_sockets
 
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2  # beside the companion's own 191: never two voices in one
 
@@ -36,10 +36,18 @@ def open_shared(url: str) -> Link:
     """
     if url.startswith(_TOOL_SOCKET):
         return ToolLink(Path(url.removeprefix(_TOOL_SOCKET)), _TIMEOUT_S)
-    for path in tool_sockets(url):
-        with contextlib.suppress(LinkError):  # none there, or left behind by a process that is no more
-            return ToolLink(path, _TIMEOUT_S)
-    return open_link(url, _TIMEOUT_S)
+    refused = ""
+    for path, mine in tool_sockets(url):
+        try:
+            return ToolLink(path, _TIMEOUT_S, mine=mine)
+        except UntrustedSocketError as error:
+            refused = f"; {error}"
+        except LinkError:
+            pass  # none there, or left behind by a process that is no more
+    try:
+        return open_link(url, _TIMEOUT_S)
+    except LinkError as error:
+        raise LinkError(f"{error}{refused}") from None
 
 
 class Client:
@@ -57,7 +65,9 @@ class Client:
         self.shared = isinstance(self._link, ToolLink)
         key_file = config.link.signing_key_file
         # With it the flying process verifies what comes and signs what goes.
-        self._signing = None if key_file is None or self.shared else Signing(read_key(key_file))
+        self._signing = (
+            None if key_file is None or self.shared else FreshSigning(read_key(key_file), self._vehicle, self.ids)
+        )
         self._parser = FrameParser(stream=self._link.stream)
         self._heard = Heard(self._vehicle, self.ids, stream=self._link.stream)
         self._pymavlink = mavlink.MAVLink(None, srcSystem=config.link.system_id, srcComponent=COMPONENT_ID)
@@ -94,6 +104,10 @@ class Client:
             if self.heartbeat is not None:  # until then it may be anybody
                 self.heard[frame.message_id] += 1
                 frames.append(frame)
+        if self._signing is not None and self._signing.wanted:
+            nonce = self._signing.challenge(time.monotonic())
+            if nonce is not None:
+                self.send(mavlink.MAVLink_timesync_message(0, nonce))
         return frames
 
     def _on_heartbeat(self, frame: Frame) -> bool:
@@ -136,7 +150,7 @@ class Client:
             self.frames()
             if time.monotonic() > until_s:
                 signing = self._signing
-                refused = 0 if signing is None else signing.unsigned + signing.bad_signature + signing.replayed
+                refused = 0 if signing is None else signing.refused
                 raise LinkError(f"{self.name}: {self._heard.complaint(self._config.connect_timeout_s, refused)}")
 
     def _hello(self) -> None:

@@ -8,6 +8,7 @@ Source: https://mavlink.io/en/guide/serialization.html
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import Any, Final, NamedTuple
 
@@ -20,10 +21,11 @@ CRC_BYTES: Final = 2
 SIGNATURE_BYTES: Final = 13
 INCOMPAT_SIGNED: Final = 0x01
 MAX_FRAME_BYTES: Final = HEADER_BYTES + 255 + CRC_BYTES + SIGNATURE_BYTES
-MOST_REJECTED: Final = 128  # false beginnings looked at in one read: rubbish may cost no more than frames do
+MOST_REJECTED: Final = 128  # false beginnings looked at in a datagram: rubbish may cost no more than frames do
 
 _new = tuple.__new__  # what a NamedTuple's own constructor calls, without the call in between
 _MAGIC = b"\xfd"
+_PLAUSIBLE = re.compile(rb"\xfd[\x00-\xff][\x00\x01]").search  # a beginning with no incompatibility but a signature
 _HEADER = struct.Struct("<BBBBBBHB")  # length, incompat, compat, sequence, system, component, id low 16, id high 8
 _BEGINNING = struct.Struct("<BBBBBBBHB").unpack_from  # the same with the magic before it
 _MESSAGES: dict[int, Any] = mavlink.mavlink_map
@@ -45,10 +47,11 @@ class FrameParser:
     """Split bytes into frames; count and drop what is not one.
 
     A datagram carries whole frames (`stream=False`: an unfinished tail is dropped); a serial line does not
-    (`stream=True`: the tail waits for the next bytes).
+    (`stream=True`: the tail waits for the next bytes, and a frame behind rubbish is found whatever the rubbish is: what
+    comes over a line is bounded by the line).
 
-    Attributes: `frames` accepted; `bad_crc` frames with a wrong checksum; `unknown` frames of a message id or an
-    incompatibility flag that the dialect does not know; `dropped_bytes` that belong to no accepted frame.
+    Attributes: `frames` accepted; `bad_crc` frames with a wrong checksum; `unknown` frames of a message id
+    that the dialect does not know; `dropped_bytes` that belong to no accepted frame.
     """
 
     def __init__(self, *, stream: bool = False) -> None:
@@ -72,9 +75,7 @@ class FrameParser:
         left = MOST_REJECTED
         while position < total:
             if data[position] != MAGIC_V2:
-                found = data.find(_MAGIC, position)
-                if found < 0:
-                    found = total
+                found = self._next(data, position)
                 self.dropped_bytes += found - position
                 position = found
                 continue
@@ -86,7 +87,9 @@ class FrameParser:
             length, incompat, _, sequence, system, component, low, high = _HEADER.unpack_from(data, position + 1)
             message_id = low | high << 16
             extra = _CRC_EXTRA.get(message_id)
-            if extra is None or incompat & ~INCOMPAT_SIGNED:
+            if incompat & ~INCOMPAT_SIGNED:
+                pass  # no beginning of a frame that could be read
+            elif extra is None:
                 self.unknown += 1
             else:
                 crc_at = position + HEADER_BYTES + length
@@ -102,14 +105,25 @@ class FrameParser:
                     frames.append(_new(Frame, (message_id, system, component, sequence, payload, data[position:end])))
                     position = end
                     continue
-            self.dropped_bytes += 1
-            position += 1
+            found = self._next(data, position + 1)
+            self.dropped_bytes += found - position
+            position = found
             left -= 1
-            if not left:
+            if not left and not self.stream:
                 self.dropped_bytes += total - position
                 return self._counted(frames)
         self._rest = data[position:]
         return self._counted(frames)
+
+    def _next(self, data: bytes, position: int) -> int:
+        """Where the next frame may begin; in a stream, a beginning that is cut may be one too."""
+        match = _PLAUSIBLE(data, position)
+        if match is not None:
+            return match.start()
+        if not self.stream:
+            return len(data)
+        found = data.find(_MAGIC, max(position, len(data) - 2))
+        return len(data) if found < 0 else found
 
     def _counted(self, frames: list[Frame]) -> list[Frame]:
         self.frames += len(frames)

@@ -24,6 +24,7 @@ from companion.errors import CompanionError
 
 _DATAGRAM_BYTES = 2048
 _MOST_QUEUED = 4096  # datagrams that a socket can hold at its largest
+_QUEUE_BYTES = 1 << 20
 _QUEUED_BYTES = 280  # on a serial line: one frame
 _PASSING = (
     errno.ENOBUFS,
@@ -84,6 +85,8 @@ class UdpLink:
         seconds = int(timeout_s)
         timeout = struct.pack("ll", seconds, int((timeout_s - seconds) * 1e6))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
+        # As much as the system allows: what a flood leaves no room for is lost, the vehicle's frames too.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _QUEUE_BYTES)
 
     def receive(self) -> bytes:
         if self._queued:
@@ -99,6 +102,16 @@ class UdpLink:
             if error.errno in _PASSING:
                 return b""
             raise LinkError(f"link {self.name}: {error.strerror}") from None
+
+    def waiting(self, most: int) -> list[bytes]:
+        """Up to so many datagrams of the peer that are here already. Never waits, never raises."""
+        data: list[bytes] = []
+        if self._locked:
+            receive = self._socket.recv
+            with contextlib.suppress(OSError):  # none any more; what else it may be, `receive` says
+                for _ in range(most):
+                    data.append(receive(_DATAGRAM_BYTES, socket.MSG_DONTWAIT))
+        return data
 
     def send(self, data: bytes) -> None:
         try:

@@ -13,6 +13,8 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.errors import printable
+
 ATTITUDE_TYPE_MASK: Final = 0x07  # ignore the body rates only; the throttle-ignore bit would mean zero thrust
 
 _MAIN_AUTO = 4
@@ -143,7 +145,7 @@ def parameter(payload: bytes) -> Parameter | None:
         return None
     (value,) = struct.unpack(layout, payload[:4])
     name, _, _ = payload[_PARAM_NAME].partition(b"\0")
-    return Parameter(name.decode("ascii", "replace"), value)
+    return Parameter(printable(name.decode("ascii", "replace")), value)
 
 
 def read_parameter(system_id: int, component_id: int, name: str) -> Any:

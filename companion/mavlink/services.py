@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.errors import printable
 from companion.mavlink.client import Client
 from companion.mavlink.codec import HEADER_BYTES, Frame
 from companion.mavlink.link import LinkError
@@ -139,7 +140,7 @@ class Services:
             raise LinkError(f"{self._client.name}: the vehicle does not tell its version ({error})") from None
         version = (told.flight_sw_major, told.flight_sw_minor, told.flight_sw_patch)
         kind = type(told).FlightSoftwareVersionType(told.flight_sw_version_type).name.lower()
-        return Firmware(version, kind, str(told.flight_sw_git_hash))
+        return Firmware(version, kind, printable(str(told.flight_sw_git_hash)))
 
     def health(self) -> dict[str, bool]:
         """What the vehicle says of its sensors, its estimate and whether it can be armed."""

@@ -25,6 +25,9 @@ from companion.mavlink.codec import CRC_BYTES, INCOMPAT_SIGNED, Frame, crc_extra
 KEY_BYTES: Final = 32
 UNSIGNED: Final = frozenset({109})  # RADIO_STATUS: the radio that reports on itself has no key
 MINUTE: Final = 6_000_000  # time stamps count ten microseconds
+Stream = tuple[int, int, int]  # system, component, link id
+
+_LAST_STAMP: Final = 2**48 - 1
 _EPOCH_S: Final = 1_420_070_400  # 2015-01-01, when they began
 _SIGNED = bytes([INCOMPAT_SIGNED])
 _HEX = re.compile(rb"\s*([0-9A-Fa-f]{64})\s*")
@@ -75,7 +78,7 @@ class Signing:
         self._link = bytes([link_id])
         self._clock = system_clock() if clock is None else clock
         self._stamp = 0
-        self._streams: dict[tuple[int, int, int], int] = {}
+        self._streams: dict[Stream, int] = {}
 
     def sign(self, frame: bytes) -> bytes:
         """An unsigned MAVLink 2 frame, signed. Raises `KeyError` for a message that the dialect does not know."""
@@ -85,7 +88,7 @@ class Signing:
 
     def seal(self, frame: bytes) -> bytes:
         """A frame whose header says that it is signed, with its signature."""
-        self._stamp = stamp = max(self._stamp + 1, self._clock())
+        self._stamp = stamp = min(max(self._stamp + 1, self._clock()), _LAST_STAMP)
         frame += self._link + stamp.to_bytes(6, "little")
         digest = self._keyed.copy()
         digest.update(frame)
@@ -102,7 +105,7 @@ class Signing:
         stamp = int.from_bytes(raw[-12:-6], "little")
         stream = (frame.system_id, frame.component_id, raw[-13])
         last = self._streams.get(stream)
-        if stamp <= last if last is not None else stamp + MINUTE < max(self._stamp, self._clock()):
+        if stamp <= last if last is not None else self._stale(stream, stamp):
             self.replayed += 1
             return False
         digest = self._keyed.copy()
@@ -110,6 +113,28 @@ class Signing:
         if digest.digest()[:6] != raw[-6:]:
             self.bad_signature += 1
             return False
-        self._streams[stream] = stamp
+        if last is None:
+            if not self._begins(stream, stamp, frame):
+                return False
+            self._remember(stream, stamp)
+        else:
+            self._streams[stream] = stamp
         self._stamp = max(self._stamp, stamp)  # a vehicle that knows the time better than we do
         return True
+
+    @property
+    def refused(self) -> int:
+        """Frames that were not believed."""
+        return self.unsigned + self.bad_signature + self.replayed
+
+    def _stale(self, stream: Stream, stamp: int) -> bool:  # noqa: ARG002
+        """Whether a stream that has not been heard yet may not begin with so old a stamp."""
+        return stamp + MINUTE < max(self._stamp, self._clock())
+
+    def _begins(self, stream: Stream, stamp: int, frame: Frame) -> bool:  # noqa: ARG002
+        """Whether a stream may begin with a frame whose signature is right."""
+        return True
+
+    def _remember(self, stream: Stream, stamp: int) -> None:
+        """A stream has begun."""
+        self._streams[stream] = stamp

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import socket
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from companion.mavlink.link import LinkError
+from companion.mavlink.socket_owner import ask_who_sends, receive, refusal
 
 _SERVICE_FOLDER: Final = Path("/run/companion")  # RuntimeDirectory= of systemd/companion.service
 _DATAGRAM_BYTES: Final = 2048
@@ -23,9 +25,9 @@ def tool_socket(url: str) -> Path:
     return (Path(service) if service else _user_folder()) / _name(url)
 
 
-def tool_sockets(url: str) -> list[Path]:
-    """Where a tool looks for it."""
-    return [folder / _name(url) for folder in (_user_folder(), _SERVICE_FOLDER)]
+def tool_sockets(url: str) -> list[tuple[Path, bool]]:
+    """Where a tool looks for it, and whether it must be this user's own there, or root's."""
+    return [(_user_folder() / _name(url), True), (_SERVICE_FOLDER / _name(url), False)]
 
 
 def _user_folder() -> Path:
@@ -37,16 +39,31 @@ def _name(url: str) -> str:
     return f"companion-{hashlib.sha256(url.encode()).hexdigest()[:12]}.sock"  # a socket's path is short
 
 
+class UntrustedSocketError(LinkError):
+    """A socket that somebody else may have made."""
+
+
 class ToolLink:
-    """A tool's side: a link as any other, to the vehicle of the process that has it."""
+    """A tool's side: a link as any other, to the vehicle of the process that has it.
+
+    With a key that process alone verifies what comes, so it is believed only where nobody but its user, or root, can
+    have made the socket. `mine`: that user must be this one, or root. Raises `LinkError`.
+    """
 
     stream = False
 
-    def __init__(self, path: Path, timeout_s: float) -> None:
+    def __init__(self, path: Path, timeout_s: float, *, mine: bool = False) -> None:
         self.name = f"unix://{path}"
         self._hello_s = 0.0
+        if not path.exists():
+            raise LinkError(f"link {self.name}: {os.strerror(errno.ENOENT)}")
+        refused = refusal(path.parent, mine=mine)
+        if refused is not None:
+            raise UntrustedSocketError(f"link {self.name}: not believed: {refused}")
+        self._users = {os.geteuid(), 0, path.parent.stat().st_uid}
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
+            ask_who_sends(self._socket)
             self._socket.bind("")  # an address of the kernel's choice, so that there can be an answer
             self._socket.connect(str(path))
         except OSError as error:
@@ -62,11 +79,12 @@ class ToolLink:
             self._hello_s = time.monotonic()
             self.send(b"")
         try:
-            return self._socket.recv(_DATAGRAM_BYTES)
+            data, user, _ = receive(self._socket, _DATAGRAM_BYTES)
         except (BlockingIOError, InterruptedError):
             return b""
         except OSError as error:
             raise LinkError(f"link {self.name}: {error.strerror}") from None
+        return data if user in self._users else b""
 
     def send(self, data: bytes) -> None:
         try:

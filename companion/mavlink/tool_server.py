@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import socket
-import stat
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -23,6 +22,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.mavlink.codec import Encoder, Frame, FrameParser, Layout, decode_cold
 from companion.mavlink.link import LinkError
 from companion.mavlink.logs.protocol import DATA_BYTES, ON_A_LINE, Pace
+from companion.mavlink.socket_owner import ask_who_sends, receive, refusal
 
 # What is not hot: what a tool may want to know, and nothing that comes at the loop's rate.
 COLD: Final = frozenset(
@@ -70,6 +70,7 @@ _COUNT: Final = _REQUEST_DATA.index("count")
 _LAST_OFFSET: Final = 0xFFFFFFFF - 0xFFFF  # of a log that a request can reach
 _DATAGRAM_BYTES: Final = 2048
 _GONE_S: Final = 2.0
+_SPACING_S: Final = 0.01  # between two datagrams of a tool that are looked at: what it sends faster waits in the socket
 
 
 def question(frame: Frame) -> bool:
@@ -112,8 +113,8 @@ class _LogRequest(NamedTuple):
 class ToolServer:
     """The flying process's side. `pace`: of the bursts in which a log is asked for.
 
-    Attributes: `attached` whether a tool is there; `refused` frames of its.
-    Raises `LinkError` with one line where it cannot be opened.
+    Only this user and root get in. Attributes: `attached` whether a tool is there; `refused` frames of its.
+    Raises `LinkError` with one line where it cannot be opened, or lies where somebody else may have put it.
     """
 
     def __init__(self, path: Path, pace: Pace = ON_A_LINE) -> None:
@@ -122,18 +123,19 @@ class ToolServer:
         self.attached = False
         self.refused = 0
         self._tool: str | bytes = ""
-        self._heard_s = self._log_s = 0.0
+        self._heard_s = self._log_s = self._look_s = 0.0
         self._log: _LogRequest | None = None
         self._parser = FrameParser()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
             path.parent.mkdir(mode=0o700, exist_ok=True)
-            owner = path.parent.stat()
-            if owner.st_uid != os.getuid() or owner.st_mode & stat.S_IWOTH:
-                raise PermissionError(0, f"{path.parent} belongs to somebody else")
+            refused = refusal(path.parent, mine=True)
+            if refused is not None:
+                raise PermissionError(0, refused)
             path.unlink(missing_ok=True)  # who owns the link owns the socket: what lies there was left behind
+            os.fchmod(self._socket.fileno(), 0o600)  # before it has a name, so that nobody is quicker
             self._socket.bind(str(path))
-            path.chmod(0o600)
+            ask_who_sends(self._socket)
         except OSError as error:
             self._socket.close()
             raise LinkError(f"{path}: cannot open the socket for tools: {error.strerror or error}") from None
@@ -151,7 +153,7 @@ class ToolServer:
 
     def asked(self, now_s: float) -> bytes:
         """The next frame to be sent for the tool, empty for none. Never waits; call it after the set-point is out."""
-        return self._burst(now_s) or self._question(now_s)
+        return self._question(now_s) or self._burst(now_s)  # a question may be the end of a log
 
     def _burst(self, now_s: float) -> bytes:
         if self._log is None or now_s - self._log_s < self._pace.interval_s:
@@ -161,10 +163,16 @@ class ToolServer:
         return frame
 
     def _question(self, now_s: float) -> bytes:
+        if self._look_s <= now_s < self._look_s + _SPACING_S:
+            return b""
         try:
-            data, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
+            data, user, sender = receive(self._socket, _DATAGRAM_BYTES)
         except OSError:
             self.attached = self.attached and now_s - self._heard_s < _GONE_S
+            return b""
+        self._look_s = now_s
+        if user not in (os.geteuid(), 0):
+            self.refused += 1
             return b""
         if sender != self._tool and self.attached and now_s - self._heard_s < _GONE_S:
             self.refused += 1

@@ -51,4 +51,5 @@ def open_folder(folder: Path, config_path: Path, config: Config, *, blocking: bo
         from companion.record.direct import DirectRecorder  # noqa: PLC0415 - a real flight leaves mcap to its writer
 
         return DirectRecorder(folder)
-    return Recorder(folder, blocking=blocking)
+    limits = round(1e9 * config.log.quota_gb), round(1e9 * config.log.free_gb)
+    return Recorder(folder, blocking=blocking, limits=limits)

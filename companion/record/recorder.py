@@ -12,10 +12,11 @@ import os
 import select
 import struct
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Final
+
+from companion.safe_path import child_environment, python_command
 
 TICK: Final = 1
 RECEIVED: Final = 2
@@ -31,11 +32,12 @@ _PIPE_BYTES = 1 << 20
 class Recorder:
     """Collects the records of a flight and hands them to the writer process in chunks.
 
-    `blocking` waits for the writer instead of dropping: for lockstep, where time stands still meanwhile.
+    `blocking` waits for the writer instead of dropping: for lockstep, where time stands still meanwhile. `limits`, in
+    bytes: what all flights beside this one may take with it, and what must be left free (`companion.record.quota`).
     Attributes: `dropped` records lost because the writer could not keep up or has gone.
     """
 
-    def __init__(self, folder: Path, *, blocking: bool = False) -> None:
+    def __init__(self, folder: Path, *, blocking: bool = False, limits: tuple[int, int] | None = None) -> None:
         self._dropped = 0
         self._kept = 0  # records collected since the pipe last took them all
         self.folder = folder
@@ -45,8 +47,12 @@ class Recorder:
         try:
             with contextlib.suppress(OSError):
                 fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+            arguments = map(str, (folder, *(limits or ())))
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "companion.record.writer", str(folder)], stdin=read_end, start_new_session=True
+                python_command("companion.record.writer", *arguments),
+                stdin=read_end,
+                start_new_session=True,
+                env=child_environment(),
             )  # a session of its own: Ctrl-C stops the flight, and the writer when the pipe ends
         finally:
             os.close(read_end)

@@ -3,13 +3,16 @@
 It ends when the pipe does, so a killed flight still leaves readable files. A full disk ends the file, not the flight:
 the pipe is drained to its end all the same.
 
-    python -m companion.record.writer FOLDER  < records
+    python -m companion.record.writer FOLDER [QUOTA FREE]  < records
+
+QUOTA and FREE in bytes, see `companion.record.quota`.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import math
 import signal
 import struct
 import sys
@@ -20,10 +23,13 @@ from typing import IO
 from mcap.writer import CompressionType, Writer
 
 from companion import __version__
+from companion.errors import printable
 from companion.record import schema
+from companion.record.quota import LOGS, Quota, lock
 from companion.record.recorder import EVENT, RECEIVED, RECORD_HEADER, SENT, TICK
 
 _CHUNK = 1 << 16
+_LOOK_BYTES = 8 << 20  # between two looks at quota and free space: some minutes of flight
 _TRAFFIC = (RECEIVED, SENT)
 _TIME = struct.Struct(">Q")  # of a tlog record, before the frame: microseconds, big endian
 
@@ -72,7 +78,7 @@ class _File:
 
     def fail(self, error: OSError) -> None:
         self.failed = True
-        print(f"{self.name}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
+        print(f"{printable(self.name)}: {error.strerror}: the log ends here, the flight goes on", file=sys.stderr)
 
 
 def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:
@@ -87,22 +93,33 @@ def _open_mcap(stream: IO[bytes]) -> tuple[Writer, int, int]:
     )
 
 
-def write(folder: Path, stream: IO[bytes]) -> bool:
+def write(folder: Path, stream: IO[bytes], quota: Quota | None = None) -> bool:
     """Write a flight's files until the stream ends. True when all of it is on disk."""
-    return write_records(folder, records(stream))
+    return write_records(folder, records(stream), quota)
 
 
-def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]]) -> bool:
-    """Write a flight's files from records of (kind, time in microseconds, data). True when all of it is on disk."""
+def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]], quota: Quota | None = None) -> bool:
+    """Write a flight's files from records of (kind, time in microseconds, data). True when all of it is on disk.
+
+    Where `quota` finds no room any more, only events are written from then on.
+    """
     tlog, mcap = _File(str(folder / "traffic.tlog")), _File(str(folder / "flight.mcap"))
     with contextlib.ExitStack() as files:
         traffic = tlog.open(files)
         flight = mcap.open(files)
+        for file in (traffic, flight):
+            lock(file)
         writer, tick_channel, event_channel = _open_mcap(flight)
-        sequence = 0
+        sequence = written = 0
+        look_at = 0 if quota else math.inf
+        full = False
         for kind, time_us, data in all_records:
+            written += len(data)
+            if written >= look_at and quota and not full:
+                look_at = written + _LOOK_BYTES
+                full = _is_full(folder, quota)
             log = tlog if kind in _TRAFFIC else mcap
-            if log.failed:
+            if log.failed or (full and kind != EVENT):
                 continue
             try:
                 if log is tlog:
@@ -119,11 +136,20 @@ def write_records(folder: Path, all_records: Iterable[tuple[int, int, bytes]]) -
         for file in (traffic, flight):  # a failed file cannot flush what it still holds
             with contextlib.suppress(OSError):
                 file.close()
-    return not (tlog.failed or mcap.failed)
+    return not (tlog.failed or mcap.failed or full)
+
+
+def _is_full(folder: Path, quota: Quota) -> bool:
+    passed = quota.make_room()
+    if passed is not None:
+        print(f"{folder / LOGS[0]}: {passed}: the log ends here, the flight goes on", file=sys.stderr)
+    return passed is not None
 
 
 if __name__ == "__main__":
     # A supervisor ends the flight's whole group, a watchdog by SIGABRT; this process ends when the pipe does.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT):
         signal.signal(number, signal.SIG_IGN)
-    sys.exit(0 if write(Path(sys.argv[1]), sys.stdin.buffer) else 1)
+    _folder = Path(sys.argv[1])
+    _limits = [int(text) for text in sys.argv[2:4]]
+    sys.exit(0 if write(_folder, sys.stdin.buffer, Quota(_folder, *_limits) if _limits else None) else 1)

@@ -18,7 +18,7 @@ from companion.config.controller import AxisSection
 from companion.control.reference_model import transition
 from companion.control.types import PositionSetpoint
 from companion.flight.authority.states import Reason
-from companion.flight.pilot.mission import Mission
+from companion.flight.pilot.mission import Mission, TrajectoryMission, mission_of
 from companion.flight.process import FlightProcess
 from companion.processes import Processes
 from companion.record.folder import open_folder
@@ -29,7 +29,8 @@ from sitl.autopilot.position_hold import yaw_of
 from sitl.build import World, build_world
 from sitl.wire.memory import LockstepLink
 
-CONTROLLERS: Final = ("hedged", "standard", "px4")
+TITLES: Final = {"hedged": "hedged", "standard": "standard", "px4": "PX4's own"}
+CONTROLLERS: Final = tuple(TITLES)
 ALTITUDE_M: Final = 5.0
 SETTLE_S: Final = 10.0  # in Hold, before anybody takes over
 _STREAMED_US: Final = 1_500_000  # of set-points before the pilot switches
@@ -50,12 +51,38 @@ class Scores(NamedTuple):
     estimate_rms_across_m: float
 
 
+class PathScores(NamedTuple):
+    """Distance from where the trajectory is, m, from the first instant that moves to the last; horizontal, and down.
+
+    By the truth as it is, and by the estimate, in whose coordinates the trajectory stands.
+    """
+
+    truth_rms_m: float
+    truth_peak_m: float
+    estimate_rms_m: float
+    truth_height_rms_m: float
+
+
+class Track(NamedTuple):
+    """A flight along a trajectory by time: (n,) s since control began, (n, 3) NED m, and (n,) speed wanted, m/s."""
+
+    time_s: npt.NDArray[np.float64]
+    truth_ned_m: npt.NDArray[np.float64]
+    estimate_ned_m: npt.NDArray[np.float64]
+    wanted_ned_m: npt.NDArray[np.float64]
+    wanted_speed_m_s: npt.NDArray[np.float64]
+
+
 class Compared(NamedTuple):
-    """One controller's flight; `scores` is None where it did not fly the mission to its end."""
+    """One controller's flight; `scores` is None where it did not fly the mission to its end.
+
+    `track` is there where it flew trajectories to their end.
+    """
 
     controller: str
     reason: str
-    scores: Scores | None
+    scores: Scores | PathScores | None
+    track: Track | None = None
 
 
 class _Watch:
@@ -66,7 +93,7 @@ class _Watch:
         self._before = world.autopilot.on_control
         self.first_setpoint_us: int | None = None
         self.engaged_us: int | None = None
-        self.rows: list[tuple[float, float, float, float, float]] = []  # s, truth x, y, estimate x, y
+        self.rows: list[tuple[float, ...]] = []  # s, truth x, y, estimate x, y; truth z, estimate z, yaw
         self._next_us = 0
         self.autopilot.on_control = self.on_control
         self.autopilot.on_setpoint = self.on_setpoint
@@ -87,12 +114,15 @@ class _Watch:
         if self.engaged_us is not None and now_us >= self._next_us and autopilot.commander.mode is FlightMode.OFFBOARD:
             self._next_us = now_us + _SAMPLE_US
             true, said = autopilot.vehicle.state.position_ned_m, autopilot.estimate().position_ned_m
-            self.rows.append((1e-6 * (now_us - self.engaged_us), true[0], true[1], said[0], said[1]))
+            at_s = 1e-6 * (now_us - self.engaged_us)
+            yaw = yaw_of(autopilot.estimate().q_wxyz)
+            self.rows.append((at_s, true[0], true[1], said[0], said[1], true[2], said[2], yaw))
 
 
 def fly_against(config: Config, config_path: Path, folder: Path, controller: str) -> Compared:
     """Fly the config's mission once, in lockstep. Raises `ConfigError`; `ValueError` without plant or an end."""
-    if config.mission.duration_s is None and config.mission.identification is None:
+    mission = config.mission
+    if mission.duration_s is None and mission.identification is None and not mission.trajectories:
         raise ValueError("a comparison needs a mission that ends: duration_s, or identification")
     world = build_world(config)
     world.autopilot.start_in_air(ALTITUDE_M, SETTLE_S)
@@ -110,13 +140,15 @@ def fly_against(config: Config, config_path: Path, folder: Path, controller: str
             recorder.close()
     samples = np.array(watch.rows)
     complete = reason is Reason.MISSION_COMPLETE and len(samples) > 1
-    return Compared(controller, reason.value, score(config, samples) if complete else None)
+    if complete and mission.trajectories:
+        track = track_of(config, samples)
+        return Compared(controller, reason.value, score_path(track), track)
+    return Compared(controller, reason.value, score(config, samples[:, :5]) if complete else None)
 
 
 def _fly_px4(config: Config, world: World, watch: _Watch) -> Reason:
     """Position set-points of the mission, from where OFFBOARD began, until its time is up or OFFBOARD is."""
-    assert config.mission.duration_s is not None
-    autopilot, mission = world.autopilot, Mission(config.mission)
+    autopilot, mission = world.autopilot, mission_of(config)
     origin: PositionSetpoint | None = None
     watch.first_setpoint_us = autopilot.time_us
     while True:
@@ -124,7 +156,9 @@ def _fly_px4(config: Config, world: World, watch: _Watch) -> Reason:
         at = PositionSetpoint(*here.position_ned_m, yaw_of(here.q_wxyz))
         elapsed_s = 0.0
         if watch.engaged_us is not None:
-            origin = origin or at
+            if origin is None:
+                origin = at
+                mission.begin(origin)
             elapsed_s = 1e-6 * (autopilot.time_us - watch.engaged_us)
             if autopilot.commander.mode is not FlightMode.OFFBOARD:
                 return Reason.MODE_CHANGED
@@ -132,8 +166,11 @@ def _fly_px4(config: Config, world: World, watch: _Watch) -> Reason:
             return Reason.ENGAGE_REFUSED
         if mission.over(elapsed_s):
             return Reason.MISSION_COMPLETE
-        wanted = at if origin is None else mission.command(elapsed_s, origin)
-        autopilot.on_position_target(PositionControlSetpoint((wanted.x_m, wanted.y_m, wanted.z_m)), wanted.yaw_rad)
+        wanted, moving = (at, None) if origin is None else mission.wanted(elapsed_s, origin)
+        setpoint = PositionControlSetpoint((wanted.x_m, wanted.y_m, wanted.z_m))
+        if moving is not None:
+            setpoint = PositionControlSetpoint(setpoint.position_ned_m, moving[3:6], moving[6:9])
+        autopilot.on_position_target(setpoint, wanted.yaw_rad)
         autopilot.advance(autopilot.time_us + _SETPOINT_US)
 
 
@@ -170,6 +207,32 @@ def score(config: Config, samples: npt.NDArray[np.float64]) -> Scores:
         rms(truth_y * along_x - truth_x * along_y),
         rms(said_x * along_x + said_y * along_y),
         rms(said_y * along_x - said_x * along_y),
+    )
+
+
+def track_of(config: Config, samples: npt.NDArray[np.float64]) -> Track:
+    """What was flown beside what was wanted, of the rows that `_Watch` has kept."""
+    mission = TrajectoryMission(config)
+    first = samples[0].tolist()
+    origin = PositionSetpoint(first[3], first[4], first[6], first[7])
+    mission.begin(origin)
+    wanted = [mission.wanted(time_s, origin) for time_s in samples[:, 0].tolist()]
+    places = np.array([place[:3] for place, _ in wanted])
+    speeds = np.array([0.0 if moving is None else float(np.linalg.norm(moving[3:6])) for _, moving in wanted])
+    return Track(samples[:, 0], samples[:, [1, 2, 5]], samples[:, [3, 4, 6]], places, speeds)
+
+
+def score_path(track: Track) -> PathScores:
+    """Scores of a flight along a trajectory; of all of it where nothing moves."""
+    moving = np.flatnonzero(track.wanted_speed_m_s > 0.0)
+    part = slice(moving[0], moving[-1] + 1) if len(moving) else slice(None)
+    truth, said = ((at - track.wanted_ned_m)[part] for at in (track.truth_ned_m, track.estimate_ned_m))
+    distance, estimated = np.hypot(truth[:, 0], truth[:, 1]), np.hypot(said[:, 0], said[:, 1])
+    return PathScores(
+        float(np.sqrt(np.mean(distance**2))),
+        float(distance.max()),
+        float(np.sqrt(np.mean(estimated**2))),
+        float(np.sqrt(np.mean(truth[:, 2] ** 2))),
     )
 
 

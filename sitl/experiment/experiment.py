@@ -8,10 +8,10 @@ import queue
 import select
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -20,11 +20,13 @@ from typing import NamedTuple
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.flight.authority.states import Reason
-from companion.flight.host.runtime import Status, Summary
+from companion.flight.host.runtime import Status, Summary, stop_signals
 from companion.flight.process import FlightProcess
 from companion.mavlink.link import open_link
+from companion.processes import end_with_parent
 from companion.record.folder import open_folder
 from companion.record.reader import Flight, read_flight
+from companion.safe_path import child_environment, python_command
 from sitl.metrics import Metrics, score
 
 _READY_S = 20.0
@@ -70,19 +72,22 @@ def plant(
     config_path: Path, overrides: tuple[str, ...], *, lockstep: bool, port: int
 ) -> Iterator[tuple[int, subprocess.Popen[str]]]:
     """A plant in a process of its own; yields the UDP port it listens on, and the process. Raises `ExperimentError`."""
-    arguments = [sys.executable, "-m", "companion", "sitl", str(config_path), "--serve", "--port", str(port)]
+    arguments = python_command("companion", "sitl", str(config_path), "--serve", "--port", str(port))
+    arguments += ["--end-with-input"]
     arguments += ["--lockstep"] if lockstep else []
     for override in overrides:
         arguments += ["--set", override]
     # Unbuffered and in a session of its own: its first line tells the port, and Ctrl-C is ours to pass on.
     process = subprocess.Popen(
         arguments,
+        stdin=subprocess.PIPE,  # it ends with us, even where we are killed
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        env={**child_environment(), "PYTHONUNBUFFERED": "1"},
     )
+    assert process.stdin is not None
     assert process.stdout is not None
     assert process.stderr is not None
     try:
@@ -100,6 +105,7 @@ def plant(
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        process.stdin.close()
         process.stdout.close()
         process.stderr.close()
 
@@ -113,9 +119,10 @@ def _share_a_core(core: int, plant_pid: int) -> None:
 _reports: Queue[tuple[str, Status]] | None = None  # of a flight's own process: where its progress goes
 
 
-def _report_to(reports: Queue[tuple[str, Status]]) -> None:
+def _begin(reports: Queue[tuple[str, Status]]) -> None:
     global _reports  # noqa: PLW0603 - a queue can be handed to a pool's processes only at their birth
     _reports = reports
+    end_with_parent()
 
 
 def fly(job: Job) -> tuple[Summary, float]:
@@ -151,8 +158,10 @@ def fly(job: Job) -> tuple[Summary, float]:
             on_status=on_status,
         )
         began_s = time.monotonic()
-        summary = flight_process.run()
-        wall_s = time.monotonic() - began_s
+        with stop_signals(flight_process.stop):  # until the log is closed
+            summary = flight_process.run()
+            wall_s = time.monotonic() - began_s
+            open_things.close()
     complaint = recorder.close()
     if complaint is not None:
         raise ExperimentError(complaint)
@@ -166,7 +175,7 @@ def fly_all(jobs: list[Job], on_status: Callable[[str, Status], None]) -> list[O
     """
     context = get_context("spawn")
     reports: Queue[tuple[str, Status]] = context.Queue()
-    with ProcessPoolExecutor(len(jobs), context, _report_to, (reports,)) as pool:
+    with ProcessPoolExecutor(len(jobs), context, _begin, (reports,)) as pool:
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             futures = [pool.submit(fly, job) for job in jobs]
@@ -174,6 +183,8 @@ def fly_all(jobs: list[Job], on_status: Callable[[str, Status], None]) -> list[O
                 with contextlib.suppress(queue.Empty):
                     on_status(*reports.get(timeout=_REFRESH_S))
             ended = [future.result() for future in futures]
+        except BrokenProcessPool:
+            raise ExperimentError("a flight's process has gone: it was killed") from None
         finally:
             signal.signal(signal.SIGINT, before)
     return [_outcome(job, summary, wall_s) for job, (summary, wall_s) in zip(jobs, ended, strict=True)]

@@ -124,7 +124,7 @@ def draw_free_flight(flights: dict[str, Flight], config: Config, path: Path) -> 
         panels[3].set_ylim(0.0, 1.35 * panels[3].get_ylim()[1])  # room for the legend
         panels[3].legend(loc="upper right", fontsize=9, ncols=2)
         panels[3].set_xlabel("time [s]")
-        panels[0].set_title("Free flight: the same stairs, wind and load for both controllers")
+        panels[0].set_title("Free flight: the same mission, wind and load for both controllers")
         figure.tight_layout()
         figure.savefig(path)
         plt.close(figure)

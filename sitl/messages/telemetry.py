@@ -102,7 +102,7 @@ class Telemetry:
             *self._odometry_tail,
             autopilot.reset_counter,
             mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
-            0,
+            self._health.quality,
         )
 
     def odometry_of(self, sequence: int, sample: tuple[float, ...]) -> bytes:

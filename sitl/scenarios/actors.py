@@ -8,10 +8,12 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.autopilot.modes import STICK_MODES, FlightMode, custom_mode
+from sitl.autopilot.navigator import Home
 from sitl.autopilot.request_faults import Answer
 from sitl.scenarios.run import ScenarioRun
 from sitl.vehicles.vehicle import Vector
 
+_STREAMED_S: Final = 3.0
 _POSITION_AND_YAW: Final = 0x9F8  # POSITION_TARGET_TYPEMASK: velocity, acceleration and yaw rate ignored
 
 
@@ -55,6 +57,31 @@ class PilotArms(NamedTuple):
                 armed = commander.arm(run.autopilot.time_us)
 
         run.each_step(arm)
+
+
+class LiftsOffAndSwitches(NamedTuple):
+    """The pilot arms, lifts off, and chooses OFFBOARD at a height above the ground, as soon as somebody streams."""
+
+    height_m: float
+
+    def happen(self, run: ScenarioRun) -> None:
+        autopilot, asked = run.autopilot, False
+
+        def fly(elapsed_s: float) -> None:
+            nonlocal asked
+            if asked or elapsed_s < _STREAMED_S:
+                return
+            now_us = autopilot.time_us
+            if not autopilot.commander.armed and autopilot.commander.arm(now_us):
+                autopilot.home = Home(autopilot.estimate().position_ned_m, autopilot.estimate().q_wxyz, now_us)
+                autopilot.commander.request(FlightMode.TAKEOFF, now_us)
+                autopilot.follow_mode()
+            asked = autopilot.truth().position_ned_m[2] < -self.height_m
+            if asked:
+                autopilot.commander.request(FlightMode.OFFBOARD, now_us)
+                autopilot.follow_mode()
+
+        run.each_step(fly)
 
 
 class PilotDisarms(NamedTuple):

@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
+from companion.processes import end_with_parent
 from sitl.scenarios.flight import Bases, fly
 from sitl.scenarios.index import by_name
 from sitl.scenarios.scenario import Flown
@@ -21,7 +22,7 @@ def fly_all(
     flown: dict[str, Flown] = {}
     context = get_context("forkserver")
     context.set_forkserver_preload([__name__])  # imported once, for all processes
-    with ProcessPoolExecutor(workers, context, gc.freeze) as pool:
+    with ProcessPoolExecutor(workers, context, _begin) as pool:
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: in them only a flight listens
         try:
             futures = [pool.submit(_fly_named, name, bases, folder / name) for name in names]
@@ -36,6 +37,11 @@ def fly_all(
             pool.shutdown(cancel_futures=True)
             raise
     return [flown[name] for name in names]
+
+
+def _begin() -> None:
+    gc.freeze()
+    end_with_parent()
 
 
 def _fly_named(name: str, bases: Bases, folder: Path) -> Flown:

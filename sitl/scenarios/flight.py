@@ -50,6 +50,7 @@ def fly(scenario: Scenario, bases: Bases, folder: Path, *, sockets: bool = False
     """
     began_s = time.monotonic()
     reason, error = "-", None
+    went_m = flown_s = None
     found: list[str] = []
     try:
         path = bases.paths[scenario.base]
@@ -58,12 +59,15 @@ def fly(scenario: Scenario, bases: Bases, folder: Path, *, sockets: bool = False
         flight = read_flight(folder)
         reason, error = summary.reason.value, worst_error_m(config, flight)
         asked = run.request_faults.requests
-        found = problems(scenario, config, summary, flight, run.observer.account(), asked)
+        seen = run.observer.account()
+        went_m, flown_s = (seen.in_control_m, summary.engaged_s) if summary.engaged else (None, None)
+        found = problems(scenario, config, summary, flight, seen, asked)
         found += [complaint] if complaint else []
         found += [f"nothing ended it within {scenario.limit_s:g} s"] if run.timed_out else []
     except (ConfigError, OSError, ValueError, PlantError) as problem:
         found = [str(problem)]
-    return Flown(scenario.name, scenario.reason.value, reason, error, tuple(found), time.monotonic() - began_s)
+    wall_s = time.monotonic() - began_s
+    return Flown(scenario.name, scenario.reason.value, reason, error, tuple(found), wall_s, went_m, flown_s)
 
 
 def _fly(

@@ -10,12 +10,14 @@ from sitl.scenarios.catalogue.authority import AUTHORITY
 from sitl.scenarios.catalogue.companion import COMPANION
 from sitl.scenarios.catalogue.estimator import ESTIMATOR
 from sitl.scenarios.catalogue.flight import FLIGHT
+from sitl.scenarios.catalogue.ground import GROUND
 from sitl.scenarios.catalogue.guards import GUARDS
+from sitl.scenarios.catalogue.lies import LIES
 from sitl.scenarios.catalogue.link import LINK
 from sitl.scenarios.catalogue.px4 import PX4
 from sitl.scenarios.scenario import Scenario
 
-ALL: Final[tuple[Scenario, ...]] = (*FLIGHT, *ESTIMATOR, *GUARDS, *LINK, *AUTHORITY, *PX4, *COMPANION)
+ALL: Final[tuple[Scenario, ...]] = (*FLIGHT, *GROUND, *ESTIMATOR, *LIES, *GUARDS, *LINK, *AUTHORITY, *PX4, *COMPANION)
 _BY_NAME: Final = {scenario.name: scenario for scenario in ALL}
 
 

@@ -38,6 +38,7 @@ class Scenario(NamedTuple):
     error_m: float = 0.5  # worst distance from the tracked reference, in control
     by_s: float | None = None  # control has ended by then, and never before anything happens
     events: tuple[str, ...] = ()  # of the flight log, that must be there
+    least_thrust: float | None = None  # told in OFFBOARD; by default the limit, or none where control never began
     streams: bool = True  # whether any set-point comes at all
 
 
@@ -50,6 +51,8 @@ class Flown(NamedTuple):
     worst_error_m: float | None  # None where control never began
     problems: tuple[str, ...]
     wall_s: float
+    in_control_m: float | None = None  # the farthest that it truly went in control; None as above
+    in_control_s: float | None = None
 
     @property
     def passed(self) -> bool:

@@ -65,7 +65,9 @@ def _of_the_setpoints(scenario: Scenario, config: Config, seen: Account) -> list
     if seen.invalid_setpoints:
         found.append(f"{seen.invalid_setpoints} set-points were not finite")
     limits = config.controller.limits
-    least = limits.thrust_min if scenario.engaged else 0.0  # what never began on the ground gives no thrust
+    least = scenario.least_thrust
+    if least is None:
+        least = limits.thrust_min if scenario.engaged else 0.0  # what never began on the ground gives no thrust
     if seen.thrust_least < least - _ROUNDING or seen.thrust_most > limits.thrust_max + _ROUNDING:
         found.append(f"thrust from {seen.thrust_least:.3f} to {seen.thrust_most:.3f}, outside the limits")
     if not seen.largest_step_deg <= STEP_DEG:

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from sitl.vehicles.rotation import Quaternion, euler, quaternion, turned
 from sitl.vehicles.vehicle import Vector, VehicleState
+from sitl.world.lies import Liar
 from sitl.world.navigation_error import ErrorState, NavigationError, settled
 from sitl.world.navigation_error import step as step_error
 
@@ -45,7 +46,8 @@ class Estimator:
     Args: `truth` of now, `now_us` simulated time, `random` of its own; `noise`, `lag` and `error` of what it reports,
     where there are any.
     Attributes: `frozen` repeats the last report; `not_a_number` puts NaN into the position; `drift_ned_m_s` moves the
-    reported position without touching the velocity; `yaw_offset_rad` and `offset_ned_m` of the report from the truth.
+    reported position without touching the velocity; `yaw_offset_rad` and `offset_ned_m` of the report from the truth;
+    `lies` told of single quantities, one after the other; `renewed_hz`, at which the report changes, 0 for each.
     """
 
     def __init__(
@@ -74,6 +76,8 @@ class Estimator:
         self.yaw_offset_rad = 0.0
         self.frozen = False
         self.not_a_number = False
+        self.lies: list[Liar] = []
+        self.renewed_hz = 0.0
 
     def jump(self, position_ned_m: Vector, velocity_ned_m_s: Vector = _STILL, yaw_rad: float = 0.0) -> None:
         """The report moves at once; whoever calls also steps the reset counter, or does not."""
@@ -84,14 +88,20 @@ class Estimator:
 
     def __call__(self) -> VehicleState:
         now_us = self._now_us()
-        if self._report is not None and (self.frozen or now_us == self._at_us):
+        if self._report is not None and (self.frozen or now_us == self._at_us or self._keeps(now_us)):
             return self._report
         dt_s = max(1e-6 * (now_us - self._at_us), 0.0)
         self._at_us = now_us
         self._move(dt_s)
         self._step_errors(dt_s)
-        self._report = self._reported(self._delayed(now_us), dt_s)
-        return self._report
+        report = self._reported(self._delayed(now_us), dt_s)
+        for lie in self.lies:
+            report = lie(report, 1e-6 * now_us)
+        self._report = report
+        return report
+
+    def _keeps(self, now_us: int) -> bool:
+        return self.renewed_hz > 0.0 and (now_us - self._at_us) * self.renewed_hz < 1e6
 
     def _normal(self) -> float:
         return self._random.gauss(0.0, 1.0)

@@ -14,6 +14,7 @@ class Health(NamedTuple):
     vertical_m2: float = 0.005
     horizontal_velocity_m2_s2: float = 0.015
     vertical_velocity_m2_s2: float = 0.0014
+    quality: int = 0  # of ODOMETRY: 0 unknown, -1 failed
 
 
 NOMINAL: Final = Health()  # of a still PX4 with GPS

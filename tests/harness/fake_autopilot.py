@@ -114,7 +114,9 @@ class ScriptedAutopilot(FakeAutopilot):
     """Says every 10 ms what it is told to say.
 
     Attributes: `pose`, messages by the vehicle's time in microseconds; `heartbeats`, `tells_mode`, `tells_estimator`,
-    `answers_timesync`, which of them it says at all; `late_s`, of its answers to TIMESYNC; `now_s` since it began.
+    `answers_timesync`, which of them it says at all; `late_s`, of its answers to TIMESYNC; `now_s` since it began;
+    `heartbeat_every` and `mode_every` how many periods; `loss_s` (COM_OF_LOSS_T), after which without a set-point in
+    OFFBOARD it flies Return; `answered`, set-points heard as (when, the sample answered), seconds.
     """
 
     PERIOD_S: Final = 0.01
@@ -126,6 +128,9 @@ class ScriptedAutopilot(FakeAutopilot):
         self.tells_estimator = False
         self.late_s = 0.0
         self.now_s = 0.0
+        self.heartbeat_every, self.mode_every = 20, 5
+        self.loss_s = math.inf
+        self.answered: list[tuple[float, float]] = []
         self._timesync: list[tuple[float, Any]] = []
         self._count = 0
 
@@ -136,20 +141,24 @@ class ScriptedAutopilot(FakeAutopilot):
 
     def react(self, message: Any) -> None:
         super().react(message)
+        if message.get_type() == "SET_ATTITUDE_TARGET":
+            self.answered.append((self.now_s, 1e-3 * message.time_boot_ms))
         if message.get_type() == "TIMESYNC" and self.answers_timesync:
             self._timesync.append((self.now_s + self.late_s, mavlink.MAVLink_timesync_message(1, message.ts1)))
 
     def words(self) -> list[bytes]:
         """What it says at `now_s`, a datagram each; to be asked for once a period."""
+        if self.mode == OFFBOARD and self.answered and self.now_s - self.answered[-1][0] > self.loss_s:
+            self.mode, self.intended = RETURN, OFFBOARD
         due = [answer for due_s, answer in self._timesync if due_s <= self.now_s]
         self._timesync = [entry for entry in self._timesync if entry[0] > self.now_s]
         words = [*self.pose(self.time_us), *self.answers, *due]
         self.answers.clear()
-        if self._count % 20 == 0 and self.heartbeats:
+        if self._count % self.heartbeat_every == 0 and self.heartbeats:
             words.append(self.heartbeat())
         if self._count % 20 == 0 and self.tells_estimator:
             words.append(mavlink.MAVLink_estimator_status_message(0, 0b1101111111, *[0.1] * 8))
-        if self._count % 5 == 0 and self.tells_mode:
+        if self._count % self.mode_every == 0 and self.tells_mode:
             words.append(self.current_mode())
         self._count += 1
         return [self.pack(word) for word in words]

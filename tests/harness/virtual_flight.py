@@ -29,6 +29,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 RIG: Final = ROOT / "config" / "antx_rig.yaml"
 SLOW: Final = ("tick.rate_hz=100", "tick.floor_hz=60", "mission.duration_s=60", "guards.heartbeat_age_s.limit=1.0")
 RECEIVE_S: Final = 0.02  # how long `open_link` lets a receipt wait
+QUEUED: Final = 250  # datagrams that a socket's queue holds; what comes then is lost
 _PATIENCE_S: Final = 60.0  # of virtual time, for what a test waits for; and of real time, for a process that hangs
 
 
@@ -60,6 +61,17 @@ class VirtualLink:
             clock.now_s = max(clock.now_s, until_s)
             return b""
         return self._incoming.popleft()
+
+    def sleep(self, seconds: float) -> None:
+        """The companion does not get to run. The vehicle does, and what it says is queued."""
+        until_s = self._clock.now_s + seconds
+        while self._due_s <= until_s:
+            self._clock.now_s = max(self._clock.now_s, self._due_s)
+            self._due_s += ScriptedAutopilot.PERIOD_S
+            self._autopilot.now_s = self._clock.now_s - self._began_s
+            words = self._autopilot.words()
+            self._incoming.extend(words[: max(QUEUED - len(self._incoming), 0)])
+        self._clock.now_s = until_s
 
     def send(self, data: bytes) -> None:
         self._heard = True
@@ -126,6 +138,11 @@ class VirtualFlight:
     def fly_on(self, seconds: float) -> None:
         """Fly for so long."""
         self._fly_until(lambda: False, seconds)
+
+    def stop_for(self, seconds: float, *, asleep: bool = False) -> None:
+        """The process is stopped for so long, or the whole computer sleeps; the vehicle flies on."""
+        self._link.sleep(seconds)
+        self._clock.slept_s += seconds if asleep else 0.0
 
     def exit_code(self, within_s: float) -> int:
         """Fly to the end, which must come in time; with what code `companion run` ends."""

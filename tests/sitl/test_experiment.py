@@ -123,6 +123,25 @@ def test_table_1_at_gamma_200_is_unstable(flown: Callable[..., Path]) -> None:
     assert ours.peak_error_m > 0.2
 
 
+LATE = {  # a stair in the last quarter of the flight
+    "antx_rig": ("tick.rate_hz=250", "tick.floor_hz=200", "mission.duration_s=25"),
+    "px4_quadrotor": (
+        "tick.rate_hz=100", "tick.floor_hz=80", "guards.pose_rate_hz.enabled=false", "mission.duration_s=20",
+        "mission.waypoints=[{at_s: 2, offset_ned_m: [0.5, 0, 0]}, {at_s: 9, offset_ned_m: [0, 0, 0]}, "
+        "{at_s: 16, offset_ned_m: [0.5, 0, 0]}]",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("controller", ["hedged", "standard"])
+@pytest.mark.parametrize("vehicle", LATE)
+def test_a_late_stair_is_not_instability(flown: Callable[..., Path], vehicle: str, controller: str) -> None:
+    overrides = LATE[vehicle]
+    ours = score(config_of(vehicle, *overrides), read_flight(flown(vehicle, controller, *overrides)))
+    assert 0.05 < ours.peak_error_m < 0.3
+    assert ours.stable
+
+
 def test_an_unstable_flight_is_called_so_instead_of_printed(tmp_path: Path) -> None:
     gamma = [part for setting in GAMMA for part in ("--set", setting.replace("200", "500"))]
     stairs = "[{at_s: 0, offset_ned_m: [0.042, 0.042, 0]}, {at_s: 8, offset_ned_m: [0.084, 0.084, 0]}]"

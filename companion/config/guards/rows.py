@@ -40,6 +40,11 @@ class Reason(ReasonRow):
         "mission_complete", Group.OVER,
         "the mission is over", "`mission.duration_s`, or the last doublet of `--identify`",
     )
+    LANDED = (
+        "landed", Group.FLIGHT,
+        "the vehicle has landed: on the ground nothing is left to control",
+        "the mission or a command below the ground, a downdraft; the companion asks for Land, and PX4 disarms",
+    )
     NOT_CALM = (
         "not_calm", Group.OVER,
         "the vehicle did not come to rest for the next doublet: fly in calm air, or with a longer pause_s",
@@ -77,6 +82,11 @@ class Reason(ReasonRow):
         "odometry came later than usual by more than guards.link_jitter_s: look at the link's load",
         "radio links, CPU load",
     )
+    CLOCK_RATE = (
+        "clock_rate", Group.TOLD,
+        "the vehicle's clock ran faster than ours: what it says of time and speed is wrong",
+        "a simulation faster than real time; the flight controller's oscillator",
+    )
 
     ESTIMATOR_FLAGS = (
         "estimator_flags", Group.ESTIMATOR,
@@ -91,12 +101,31 @@ class Reason(ReasonRow):
     ESTIMATOR_JUMP = (
         "estimator_jump", Group.ESTIMATOR,
         "the estimator reset its position by more than guards.estimator_jump_m",
-        "GPS, flow, motion capture; magnetometer. Or many small ones came within a minute",
+        "GPS, flow, motion capture; magnetometer",
+    )
+    ESTIMATE_STUCK = (
+        "estimate_stuck", Group.ESTIMATOR,
+        "one of the estimate's numbers stopped while the others moved",
+        "a hung sensor or driver; whoever forwards the odometry",
     )
     VELOCITY_CONSISTENCY = (
         "velocity_consistency", Group.ESTIMATOR,
         "position moved otherwise than velocity said: the estimator slid without counting it",
         "a GPS that came back",
+    )
+    ESTIMATOR_STEPS = (
+        "estimator_steps", Group.ESTIMATOR,
+        "the estimator's steps within a minute, counted or not, are more than guards.estimator_steps_m",
+        "GPS, flow, motion capture; many small resets",
+    )
+    POSITION_SLIDE = (
+        "position_slide", Group.ESTIMATOR,
+        "position slid for seconds against velocity, farther than the estimator is wrong by",
+        "GPS, flow, motion capture; which of both was right",
+    )
+    HEIGHT_SLIDE = (
+        "height_slide", Group.ESTIMATOR,
+        "height slid for seconds against vertical velocity", "barometer, range finder, GPS",
     )
 
     FENCE = "fence", Group.FLIGHT, "outside guards.fence", "wind, mission"
@@ -115,6 +144,11 @@ class Reason(ReasonRow):
         "tilt_error", Group.FLIGHT,
         "the thrust direction was off its set-point by more than guards.tilt_error_deg",
         "a motor, a propeller, attitude tuning",
+    )
+    UNEXPLAINED_MOTION = (
+        "unexplained_motion", Group.FLIGHT,
+        "velocity changed otherwise than attitude and thrust say: pushed, or an estimate that is not the vehicle's",
+        "a gust, a blow, a motor; GPS, flow, motion capture",
     )
     ATTITUDE_RESPONSE = (
         "attitude_response", Group.FLIGHT,
@@ -210,8 +244,7 @@ class Guards(Section):
         EventGuardSection,
         Row(Reason.ESTIMATOR_JUMP, "m", blind=Blind("resets are counted in ODOMETRY alone")),
         Field(
-            description="a counted reset, or half of all within a minute; smaller ones move reference, anchor and "
-            "mission along and are flown through"
+            description="a counted reset; smaller ones move reference, anchor and mission along and are flown through"
         ),
     ] = EventGuardSection(limit=0.5)
     tick_overrun_s: Annotated[
@@ -245,11 +278,37 @@ class Guards(Section):
         ),
         Field(description="solutions missing of the five that are needed"),
     ] = CountGuardSection(limit=0, timeout_s=0.3)
+    estimate_stuck_s: Annotated[
+        GuardSection,
+        Row(Reason.ESTIMATE_STUCK, "s"),
+        Field(description="for how long one quantity that should move is the same to the last bit"),
+    ] = GuardSection(limit=0.25)
     velocity_consistency_m: Annotated[
         GuardSection,
         Row(Reason.VELOCITY_CONSISTENCY, "m"),
         Field(description="how far position slides against velocity, leaking with 0.5 s"),
     ] = GuardSection(limit=1.0)
+    estimator_steps_m: Annotated[
+        DerivedGuardSection,
+        Row(Reason.ESTIMATOR_STEPS, "m"),
+        Field(
+            description="all steps of the position within a minute, counted or not; a counted one takes 0.1 m at "
+            "least; without a limit, twice that of `estimator_jump_m`"
+        ),
+    ] = DerivedGuardSection()
+    position_slide_m: Annotated[
+        DerivedGuardSection,
+        Row(Reason.POSITION_SLIDE, "m"),
+        Field(
+            description="how far north or east slides against velocity, leaking with 10 s, or 3.2 times that with "
+            "2 s; without a limit, six times what `estimator` is wrong by: 7.2 m by GPS"
+        ),
+    ] = DerivedGuardSection()
+    height_slide_m: Annotated[
+        GuardSection,
+        Row(Reason.HEIGHT_SLIDE, "m"),
+        Field(description="how far height slides against velocity, leaking with 10 s, or twice that with 2 s"),
+    ] = GuardSection(limit=2.0)
     fence: Annotated[
         FenceSection,
         Row(Reason.FENCE),
@@ -258,6 +317,14 @@ class Guards(Section):
     tilt_deg: Annotated[
         GuardSection, Row(Reason.TILT, "deg"), Field(description="of the thrust direction from the vertical")
     ] = GuardSection(limit=60.0, timeout_s=0.2)
+    unexplained_motion_m_s: Annotated[
+        GuardSection,
+        Row(Reason.UNEXPLAINED_MOTION, "m_s"),
+        Field(
+            description="what velocity changes beyond attitude, thrust and steady wind, leaking with 1 s; on its "
+            "worst axis"
+        ),
+    ] = GuardSection(limit=4.0, timeout_s=0.5)
     attitude_response_deg: Annotated[
         GuardSection,
         Row(Reason.ATTITUDE_RESPONSE, "deg", blind=Blind("a transfer function"), certified=True),
@@ -266,6 +333,14 @@ class Guards(Section):
     tilt_error_deg: Annotated[
         GuardSection, Row(Reason.TILT_ERROR, "deg"), Field(description="thrust direction, set-point to measured")
     ] = GuardSection(limit=25.0, timeout_s=0.5)
+    ground_contact: Annotated[
+        GuardSection,
+        Row(Reason.LANDED, least=True),
+        Field(
+            description="share of the weight that the thrust carries, by how it moves up and down: the ground carries "
+            "the rest. When it is in control and says for 0.3 s that it has landed, it has too"
+        ),
+    ] = GuardSection(limit=0.5, timeout_s=0.5)
     hover_thrust: Annotated[
         GuardSection,
         Row(Reason.HOVER_THRUST, certified=True),
@@ -307,6 +382,11 @@ class Guards(Section):
         Row(Reason.POSE_RATE, "hz", least=True, certified=True),
         Field(description="least rate of the odometry, less 1 %; without a limit, `tick.floor_hz`"),
     ] = DerivedGuardSection(timeout_s=1.0)
+    clock_rate: Annotated[
+        GuardSection,
+        Row(Reason.CLOCK_RATE),
+        Field(description="seconds of the vehicle in one of ours; a slow clock is only told"),
+    ] = GuardSection(limit=1.05, timeout_s=2.0)
     flight_time_s: Annotated[GuardSection, Row(Reason.FLIGHT_TIME, "s"), Field(description="in control")] = (
         GuardSection(enabled=False, limit=600.0)
     )

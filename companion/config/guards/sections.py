@@ -10,7 +10,8 @@ from companion.config.base import NonNegative, Positive, Section
 
 Enabled = Annotated[bool, Field(description="whether it ends control")]
 Timeout = Annotated[
-    NonNegative, Field(description="s for which the limit must be exceeded without a break; 0 means at once")
+    NonNegative,
+    Field(description="s for which the limit must be exceeded, less the time in which it is not; 0 means at once"),
 ]
 
 

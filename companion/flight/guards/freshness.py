@@ -12,17 +12,20 @@ from companion.flight.guards.table import Limits
 class Freshness:
     """When pose and heartbeat were last heard.
 
-    Attribute: `until_s`, before which neither can be stale, as last looked at: what is heard later only puts it off.
+    Attributes: `until_s`, before which neither can be stale, as last looked at: what is heard later only puts it off;
+    `pose_at_s`, when the pose was heard; `poses` so far that were not the one before.
     """
 
     def __init__(self, limits: Limits, now_s: float) -> None:
         self._limits = limits
-        self._pose_at_s = self._heartbeat_at_s = now_s
+        self.pose_at_s = self._heartbeat_at_s = now_s
         self.until_s = -math.inf
+        self.poses = 0
 
     def on_pose(self, now_s: float) -> None:
         """A pose that is not the one before it."""
-        self._pose_at_s = now_s
+        self.pose_at_s = now_s
+        self.poses += 1
 
     def on_heartbeat(self, now_s: float) -> None:
         """A heartbeat of the vehicle."""
@@ -30,11 +33,11 @@ class Freshness:
 
     def pose_stale(self, now_s: float) -> bool:
         """Whether no new pose has been heard for too long."""
-        return now_s - self._pose_at_s > self._limits[Reason.POSE_STALE]
+        return now_s - self.pose_at_s > self._limits[Reason.POSE_STALE]
 
     def stale(self, now_s: float, *, grounded: bool = False) -> Reason | None:
         """What has not been heard for too long, or None. `grounded`: without the pose, which nobody flies by then."""
-        pose_at_s, heartbeat_at_s, limits = self._pose_at_s, self._heartbeat_at_s, self._limits
+        pose_at_s, heartbeat_at_s, limits = self.pose_at_s, self._heartbeat_at_s, self._limits
         reason = table.stale(limits, 0.0 if grounded else now_s - pose_at_s, now_s - heartbeat_at_s)
         fresh_until_s = min(pose_at_s + limits[Reason.POSE_STALE], heartbeat_at_s + limits[Reason.HEARTBEAT_LOST])
         self.until_s = fresh_until_s if reason is None else -math.inf

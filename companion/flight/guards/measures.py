@@ -14,20 +14,24 @@ from typing import Final, NamedTuple
 
 from companion.config.attitude import link_share_s
 from companion.config.base import Vector
+from companion.config.estimator import PRESETS
 from companion.config.guards.rows import Reason
 from companion.config.mission.identifying import LINK_DELAY_S
 from companion.config.schema import Config
 from companion.control import attitude
 from companion.control.position import PositionOutput
-from companion.control.types import AttitudeSetpoint, Jump, Odometry
-from companion.flight.guards import estimator
+from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry
 from companion.flight.guards.attitude_response import ResponseBand, ends
+from companion.flight.guards.propagation import LONG_S, Disagreement
 
 PERIOD_S: Final = 0.02  # from one look to the next
 _SATURATION_S: Final = 1.0  # over which its share is taken
 _LIFT_S: Final = 1.0  # and the average of the thrust
+_CARRIED_RAD_S: Final = 5.0
+_CARRIED_BLEND: Final = 1.0 - math.exp(-_CARRIED_RAD_S * PERIOD_S)
 _RATE_WINDOW: Final = 26  # looks, half a second
 _RATE_TOLERANCE: Final = 1.01  # how well a rate is known
+_DEVIATIONS: Final = 6.0  # that an estimator may slide by; east of north by GPS they are five
 
 
 class Told(NamedTuple):
@@ -38,6 +42,7 @@ class Told(NamedTuple):
     resets_counted: bool = False  # whether the pose tells of the estimator's resets
     round_trip_s: float = math.nan
     jitter_s: float = math.nan
+    clock_rate: float = math.nan  # seconds of the vehicle in one of ours
 
 
 class Look(NamedTuple):
@@ -48,15 +53,18 @@ class Look(NamedTuple):
     told: Told
     began: Odometry  # the sample at which control began
     offset_ned_m: Vector  # from where it began, resets of the estimator counted out
-    jumped: Jump | None  # what the resets counted since the last look have done
+    apart: Disagreement  # of position, velocity, and what attitude and thrust make of them
+    steps_m: float  # of the position within a minute, in all
+    stopped_s: tuple[float, ...]  # for how long each quantity has not changed, as `stuck.NAMES`
     thrust_ned: Vector  # direction of the thrust, and the one wanted: unit vectors
     wanted_thrust_ned: Vector
-    ticks: int  # flown so far
+    poses: int  # so far that were not the one before
     output: PositionOutput  # of the controller
     hover_thrust: float  # normalised, as the controller believes it
     weights_on_bound: int
     tracking_error_m: float
     elapsed_s: float  # in control
+    jumped: Jump | None  # of the estimate since the look before
 
 
 Measure = Callable[[Look], float]
@@ -81,39 +89,53 @@ def stateless(measure: Measure) -> Callable[[Config], Measure]:
 # --- where the estimator thinks the vehicle is ------------------------------------------------------------------------
 
 
-def largest_variance_m2(look: Look) -> float:
-    """Of those that are told."""
-    variances = [variance for variance in look.told.variance_ned_m2 if not math.isnan(variance)]
-    return max(variances) if variances else math.nan
-
-
-class Slide:
-    """How far position has slid against velocity, m."""
+class Variance:
+    """The largest that is told, m²; without end where one is told no more that was."""
 
     def __init__(self, _: Config) -> None:
-        self._state: estimator.Consistency | None = None
+        self._told = False
 
     def __call__(self, look: Look) -> float:
-        state = self._state or estimator.Consistency(look.began)
-        self._state, drift_m = estimator.consistency(state, look.sample, look.jumped)
-        return drift_m
+        north, east, down = look.told.variance_ned_m2
+        if north > 0.0 and east > 0.0 and down > 0.0:  # not a number is not
+            self._told = True
+            return max(north, east, down)
+        if self._told:
+            return math.inf
+        return max((variance for variance in (north, east, down) if variance > 0.0), default=math.nan)
+
+
+def largest_slide_m(config: Config) -> float:
+    """What the estimator of the config is wrong by, six times; of one that aids by GPS where it does not say.
+
+    The velocity's error, of deviation s and time T, is what position slides by. Summed with a leak of tau it has a
+    deviation of ``s tau sqrt(T / (T + tau))``.
+    """
+    given = config.guards.position_slide_m.limit
+    error = PRESETS["gps"] if config.estimator is None else config.estimator.velocity_error
+    return given or _DEVIATIONS * error.deviation_m_s * LONG_S * math.sqrt(error.time_s / (error.time_s + LONG_S))
+
+
+def most_steps_m(config: Config) -> float:
+    """Twice what one may be."""
+    return config.guards.estimator_steps_m.limit or 2.0 * config.guards.estimator_jump_m.limit
 
 
 # --- what the companion is told ---------------------------------------------------------------------------------------
 
 
 class PoseRate:
-    """Rate of the odometry over the last half second, Hz."""
+    """Rate of what is new in the odometry over the last half second, Hz."""
 
     def __init__(self, _: Config) -> None:
         self._seen: deque[tuple[float, int]] = deque(maxlen=_RATE_WINDOW)
 
     def __call__(self, look: Look) -> float:
-        self._seen.append((look.sample.time_s, look.ticks))
+        self._seen.append((look.sample.time_s, look.poses))
         first_s, first = self._seen[0]
-        if len(self._seen) < _RATE_WINDOW or look.ticks == first:
+        if len(self._seen) < _RATE_WINDOW:
             return math.nan
-        return (look.ticks - first) / (look.sample.time_s - first_s)
+        return (look.poses - first) / (look.sample.time_s - first_s)
 
 
 def least_rate_hz(config: Config) -> float:
@@ -195,6 +217,30 @@ class Lift:
         return abs(self._lift - 1.0)
 
 
+class Carried:
+    """Share of the weight that the thrust carries: in the air l + v'/g = 1, z down, with l the lift over the weight.
+
+    Both sides pass the same low-pass, as in `companion.control.hover`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._flies = config.vehicle_kind.can_fly
+        self._lift = 1.0
+        self._velocity_m_s: float | None = None
+
+    def __call__(self, look: Look) -> float:
+        if not self._flies:
+            return math.nan
+        before_m_s = look.began.vz_m_s if self._velocity_m_s is None else self._velocity_m_s
+        if look.jumped is not None:
+            before_m_s += look.jumped.vz_m_s
+        lift = -look.thrust_ned[2] * look.setpoint.thrust / look.hover_thrust
+        self._lift += _CARRIED_BLEND * (lift - self._lift)
+        velocity_m_s = before_m_s + _CARRIED_BLEND * (look.sample.vz_m_s - before_m_s)
+        self._velocity_m_s = velocity_m_s
+        return self._lift + _CARRIED_RAD_S * (look.sample.vz_m_s - velocity_m_s) / GRAVITY_M_S2
+
+
 class Saturation:
     """Share of the last second's looks with thrust at its limit."""
 
@@ -225,11 +271,15 @@ MEASURES: Final = {
     Reason.ESTIMATOR_FLAGS: Measured(
         stateless(lambda look: look.told.missing_flags), blind=lambda _, told: math.isnan(told.missing_flags)
     ),
-    Reason.POSITION_VARIANCE: Measured(
-        stateless(largest_variance_m2), blind=lambda _, told: any(map(math.isnan, told.variance_ned_m2))
-    ),
+    Reason.POSITION_VARIANCE: Measured(Variance, blind=lambda _, told: any(map(math.isnan, told.variance_ned_m2))),
     Reason.ESTIMATOR_JUMP: Measured(blind=lambda _, told: not told.resets_counted),
-    Reason.VELOCITY_CONSISTENCY: Measured(Slide),
+    Reason.ESTIMATE_STUCK: Measured(stateless(lambda look: max(look.stopped_s))),
+    Reason.VELOCITY_CONSISTENCY: Measured(stateless(lambda look: look.apart.drift_m)),
+    Reason.ESTIMATOR_STEPS: Measured(stateless(lambda look: look.steps_m), limit=most_steps_m),
+    Reason.POSITION_SLIDE: Measured(stateless(lambda look: look.apart.slide_m), limit=largest_slide_m),
+    Reason.HEIGHT_SLIDE: Measured(stateless(lambda look: look.apart.height_slide_m)),
+    Reason.UNEXPLAINED_MOTION: Measured(stateless(lambda look: look.apart.unexplained_m_s)),
+    Reason.CLOCK_RATE: Measured(stateless(lambda look: look.told.clock_rate)),
     Reason.LINK_DELAY: Measured(
         stateless(lambda look: look.told.round_trip_s),
         limit=longest_delay_s,
@@ -241,6 +291,7 @@ MEASURES: Final = {
     Reason.TILT: Measured(stateless(tilt_rad)),
     Reason.ATTITUDE_RESPONSE: Measured(outside_band_rad, limit=widest_band_rad, blind=no_band),
     Reason.TILT_ERROR: Measured(stateless(tilt_error_rad)),
+    Reason.LANDED: Measured(Carried),
     Reason.HOVER_THRUST: Measured(Lift),
     Reason.THRUST_SATURATION: Measured(Saturation),
     Reason.WEIGHTS_ON_BOUND: Measured(stateless(lambda look: look.weights_on_bound)),

@@ -7,9 +7,10 @@ from typing import Final
 
 from companion.config.schema import Config
 from companion.control.types import Odometry
-from companion.flight.guards import estimator
+from companion.flight.guards import propagation
 
 PATIENCE_S: Final = 60.0
+_UNKNOWN: Final = (0.0, 0.0, 0.0)  # what PX4 flies, its thrust at least, is not told
 
 
 class Settling:
@@ -19,7 +20,7 @@ class Settling:
         guard = config.guards.estimate_settled_m
         self._limit_m = guard.limit if guard.enabled else math.inf
         self._timeout_s = guard.timeout_s
-        self._state: estimator.Consistency | None = None
+        self._state: propagation.Propagation | None = None
         self._unsettled_s = -math.inf  # when it was last seen so
         self._now_s = 0.0
 
@@ -29,10 +30,10 @@ class Settling:
 
     def on_sample(self, sample: Odometry, missing_flags: float) -> None:
         """One sample; solutions missing of those that are needed, NaN where it is not told."""
-        state = self._state or estimator.Consistency(sample)
-        self._state, drift_m = estimator.consistency(state, sample)
+        state = self._state or propagation.start(sample, _UNKNOWN)
+        self._state, seen = propagation.step(state, sample, _UNKNOWN)
         self._now_s = sample.time_s
-        if math.isfinite(self._limit_m) and (drift_m > self._limit_m or missing_flags > 0.0):
+        if math.isfinite(self._limit_m) and (seen.drift_m > self._limit_m or missing_flags > 0.0):
             self._unsettled_s = sample.time_s
 
     @property

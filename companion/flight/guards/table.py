@@ -2,7 +2,8 @@
 
 Two kinds. A few stand where it happens, each a compare: what is stale, invalid or jumps must not reach the controller.
 All others are watched together, 50 times a second: one number a guard, in the order of their rows, not a number where
-it cannot be seen. A guard ends control when its number has been past its limit for its timeout without a break.
+it cannot be seen. A guard ends control when its number has been past its limit for its timeout, less the time in which
+it was not.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.guards.measures import MEASURES
 
 _QUATERNION_TOLERANCE: Final = 0.02
+_ROUNDING_S: Final = 1e-6  # of a timeout that is a sum of steps
 _STILL_M_S: Final = 0.05
 _AT_REST_M_S: Final = 1e-4  # slower and nearer than any real estimate is, and an ideal plant at rest is for ever: there
 _AT_REST_M: Final = 1e-3  # float32 has no room for a difference between two samples
 
 _MEASURED: Final = frozenset(reason for reason, measured in MEASURES.items() if measured.measure is not None)
 WATCHED: Final = tuple(reason for reason in GUARDS if reason in _MEASURED)  # together, in this order
-CLEAR: Final = (math.inf,) * len(WATCHED)  # since when each has been past its limit: none is
+CLEAR: Final = (0.0,) * len(WATCHED)  # for how long each has been past its limit: none is
 
 Limits = Mapping[Reason, float]  # past these control ends, in our units; infinite where a guard is off
 
@@ -72,19 +74,25 @@ def stale(limits: Limits, pose_age_s: float, heartbeat_age_s: float) -> Reason |
 
 
 def watch(
-    limits: WatchLimits, since_s: tuple[float, ...], watched: tuple[float, ...], now_s: float
+    limits: WatchLimits, past_s: tuple[float, ...], watched: tuple[float, ...], dt_s: float
 ) -> tuple[tuple[float, ...], Reason | None]:
-    """(since when each guard has been past its limit without a break, the first one whose time is up or None)."""
-    if not any(map(gt, watched, limits.limits)):  # not a number is above nothing
+    """(for how long each guard has been past its limit, the first one whose time is up or None).
+
+    The time drains as fast as it fills, so that a calm look takes back no more than itself; what cannot be seen takes
+    nothing back. `dt_s` since the last look.
+    """
+    if past_s is CLEAR and not any(map(gt, watched, limits.limits)):  # not a number is above nothing
         return CLEAR, None
-    since_s = tuple(
-        min(began_s, now_s) if value > limit else math.inf
-        for value, limit, began_s in zip(watched, limits.limits, since_s, strict=True)
+    past_s = tuple(
+        had_s + dt_s if value > limit else max(had_s - dt_s, 0.0) if value <= limit else had_s
+        for value, limit, had_s in zip(watched, limits.limits, past_s, strict=True)
     )
-    for began_s, timeout_s, reason in zip(since_s, limits.timeouts_s, WATCHED, strict=True):
-        if now_s - began_s >= timeout_s:
-            return since_s, reason
-    return since_s, None
+    for had_s, timeout_s, value, limit, reason in zip(
+        past_s, limits.timeouts_s, watched, limits.limits, WATCHED, strict=True
+    ):
+        if value > limit and had_s >= timeout_s - _ROUNDING_S:
+            return past_s, reason
+    return past_s if any(past_s) else CLEAR, None
 
 
 def repeats(before: Odometry, sample: Odometry) -> bool:

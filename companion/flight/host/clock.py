@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Final, Protocol
 
+# It goes on while the computer sleeps, as the vehicle does; Linux's CLOCK_MONOTONIC stands still.
+_RUNNING: Final = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 LARGEST_STEP_S: Final = 1.0  # between two samples of one clock, where no guard says otherwise
 
 
@@ -25,9 +29,9 @@ class Clock:
     """
 
     def __init__(self, *, lockstep: bool = False, wall: Wall | None = None) -> None:
-        wall = wall or time
         self.lockstep = lockstep
-        self.wall_s, self._epoch_ns = wall.monotonic, wall.time_ns
+        self.wall_s: Callable[[], float] = wall.monotonic if wall else partial(time.clock_gettime, _RUNNING)
+        self._epoch_ns = wall.time_ns if wall else time.time_ns
         self.began_wall_s = self.wall_s()
         self.now_s = 0.0 if lockstep else self.began_wall_s
         self.stamp_us = 0

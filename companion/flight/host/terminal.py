@@ -10,6 +10,8 @@ import os
 import queue
 import threading
 
+from companion.errors import printable
+
 
 class Terminal:
     """Writes lines to a file descriptor, some time soon, or never."""
@@ -32,6 +34,6 @@ class Terminal:
     def _write(self) -> None:
         while (line := self._lines.get()) is not None:
             try:
-                os.write(self._fd, f"{line}\n".encode())
+                os.write(self._fd, f"{printable(line)}\n".encode())
             except OSError:
                 return  # nobody listens any more

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+from companion.attitude_response.inverse import inverse
 from companion.config import Config
+from companion.config.attitude import response_of
 from companion.config.controller import AdaptationRates, AxisSection, BiasSection, interval
 from companion.control.altitude import AltitudeParams
 from companion.control.estimate_correction import CorrectionParams
@@ -13,11 +15,12 @@ from companion.control.limits import LimitParams
 from companion.control.mrac import AxisParams, nominal_weights, solve_lyapunov
 from companion.control.position import PositionParams
 from companion.control.setpoint import SetpointParams
+from companion.control.tracking import LeadParams
 from companion.control.types import GRAVITY_M_S2
 
 _HOVER_RATE_1_S = 0.5  # of its estimate: settled in six seconds, and gusts of a second hardly move it
 _HOVER_FILTER_RAD_S = 5.0
-_HOVER_RANGE = 1.6  # the estimate stays within this factor of where it began: no load doubles in flight
+HOVER_RANGE = 1.6  # the estimate stays within this factor of where it began: no load doubles in flight
 _HOVER_SLEW_1_S = 0.05
 
 
@@ -54,8 +57,8 @@ def hover_params(config: Config, hover_thrust: float) -> HoverParams:
     return HoverParams(
         rate_1_s=_HOVER_RATE_1_S if estimated else 0.0,
         filter_rad_s=_HOVER_FILTER_RAD_S,
-        lower=max(hover_thrust / _HOVER_RANGE, limits.thrust_min),
-        upper=min(hover_thrust * _HOVER_RANGE, limits.thrust_max),
+        lower=max(hover_thrust / HOVER_RANGE, limits.thrust_min),
+        upper=min(hover_thrust * HOVER_RANGE, limits.thrust_max),
         slew_1_s=_HOVER_SLEW_1_S,
         gravity_m_s2=GRAVITY_M_S2,
     )
@@ -100,6 +103,13 @@ def position_params(config: Config, *, hedging: bool) -> PositionParams:
         ),
         hover=hover_params(config, config.vehicle.hover_thrust),
     )
+
+
+def lead_params(config: Config) -> LeadParams:
+    """What a trajectory's force is fed forward through: the inverse of the identified responses."""
+    x, y = config.attitude.x, config.attitude.y or config.attitude.x
+    pitch, roll = inverse(response_of(x)), inverse(response_of(y))
+    return LeadParams(pitch.first_s, pitch.second_s2, roll.first_s, roll.second_s2, min(pitch.delay_s, roll.delay_s))
 
 
 def correction_params(config: Config) -> CorrectionParams | None:

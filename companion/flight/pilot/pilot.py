@@ -9,15 +9,23 @@ from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, estimate_correction, mrac, position
-from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
-from companion.flight.pilot.controller_params import correction_params, hover_params, initial_weights, position_params
+from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.flight.pilot.controller_params import (
+    HOVER_RANGE,
+    correction_params,
+    hover_params,
+    initial_weights,
+    lead_params,
+    position_params,
+)
 from companion.flight.pilot.doublets import Manoeuvre
-from companion.flight.pilot.mission import Mission
+from companion.flight.pilot.mission import mission_of
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
 _TRIM_S: Final = 2.0  # over which it is averaged
+_SAME_LIFT: Final = 0.02  # PX4 moves the thrust by as much to stay where it is
 
 
 class Pilot:
@@ -31,7 +39,9 @@ class Pilot:
         self._config = config
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
-        self._mission = Mission(config.mission)
+        self._mission = mission_of(config)
+        if config.mission.trajectories:
+            self._params = self._params._replace(lead=lead_params(config))
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
         self.manoeuvre: Manoeuvre | None = None
@@ -43,6 +53,7 @@ class Pilot:
         self._control: position.PositionState | None = None
         self._steered = False
         self._hover = config.vehicle.hover_thrust
+        self._lift = 1.0  # what it hovers at over that
         self._sample: Odometry | None = None  # of the last tick
         self._since_s = 0.0
         self.origin = self.target = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
@@ -59,21 +70,36 @@ class Pilot:
         ):
             self._hover = hover_thrust
 
-    def take_over(self, sample: Odometry, hover_thrust: float | None = None) -> None:
-        """A bumpless start: references, anchor and mission begin where the vehicle is.
+    def believe_hovering(self, thrust: float | None) -> None:
+        """What the vehicle hovers at before control begins, from what it flies; None where that is not known."""
+        lift = 1.0 if thrust is None else min(max(thrust / self._hover, 1.0 / HOVER_RANGE), HOVER_RANGE)
+        self._lift = 1.0 if abs(lift - 1.0) < _SAME_LIFT else lift
 
-        `hover_thrust` is the autopilot's own (MPC_THR_HOVER). It counts unless `vehicle.hover_thrust_source` is config,
-        and only within the thrust limits.
+    @property
+    def standby_thrust(self) -> float:
+        """What to stream in stand-by: what it hovers at, or else what is believed to be that, within the limits."""
+        limits = self._params.limits
+        return min(max(self._hover * self._lift, limits.thrust_min), limits.thrust_max)
+
+    def take_over(self, sample: Odometry) -> None:
+        """A bumpless start: references, anchor and mission begin where the vehicle is, thrust where it hovers.
+
+        An estimated hover thrust begins there too. One that is given stays, and the altitude's integrator makes up the
+        difference, as far as it may.
         """
-        self.believe_hover_thrust(hover_thrust)
-        hover = self._hover
+        hover, lift = self._hover, self._lift
+        if self._config.vehicle.hover_thrust_source == "estimated":
+            hover, lift = self.standby_thrust, 1.0
+        most = self._params.altitude.integral_limit_m_s2 / GRAVITY_M_S2
+        lift = min(max(lift, 1.0 - most), 1.0 + most)
         self._params = self._params._replace(hover=hover_params(self._config, hover))
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
+        self._mission.begin(self.origin)
         self._steered = False
         self._since_s = sample.time_s
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
-        self._control = position.engage(self._params, sample, yaw, *self._weights, hover)
+        self._control = position.engage(self._params, sample, yaw, *self._weights, hover, lift)
 
     def steer(self, target: PositionSetpoint) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""
@@ -96,11 +122,12 @@ class Pilot:
         """One tick in control."""
         assert self._control is not None  # take_over comes first
         self.elapsed_s = sample[0] - self._since_s
+        reference = None
         if not self._steered:
-            self.target = self._mission.command(self.elapsed_s, self.origin)
+            self.target, reference = self._mission.wanted(self.elapsed_s, self.origin)
         if self._correction_params is not None and self._correction is not None:
             self._correction, sample = estimate_correction.step(self._correction_params, self._correction, sample, dt_s)
-        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s)
+        self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s, reference)
         self._sample = sample
         return self.last[0] if self.manoeuvre is None else self._excite(self.manoeuvre, sample, dt_s)
 
@@ -171,7 +198,7 @@ class Pilot:
         """The tick just flown, as `companion.record.schema` has it."""
         assert self._control is not None
         assert self.last is not None
-        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _ = self._control
+        x, y, altitude, hover, anchor_x, anchor_y, flown, _, _, _, _ = self._control
         _, (at_x, vx, _, at_y, vy, _), (_, _, _, deficit_x), (_, _, _, deficit_y), limited, thrust_limited = self.last
         ideal_x, ideal_vx, reference_x, reference_vx, weight_x, weight_vx, command_x, u_x, w_x, bias_x = x
         ideal_y, ideal_vy, reference_y, reference_vy, weight_y, weight_vy, command_y, u_y, w_y, bias_y = y

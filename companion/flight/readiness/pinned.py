@@ -25,6 +25,7 @@ from companion.flight.vehicle_link.requests import Request, TellFirmware
 _ASK_AGAIN_S: Final = 0.5
 _PATIENCE_S: Final = 3.0  # for the version; a vehicle that does not tell it may have parameters all the same
 _HOVER_THRUST: Final = "MPC_THR_HOVER"
+HOVER_PLAUSIBLE: Final = 0.2  # share by which it may differ from the config's: further off, one of them is wrong
 
 
 class Pinned:
@@ -39,6 +40,7 @@ class Pinned:
         self._compare = compare
         self._expected: dict[str, float] = dict(config.vehicle.parameters) if compare else {}
         self._stated_version = config.vehicle.px4_version if compare else None
+        self._hover_thrust = config.vehicle.hover_thrust
         self._hover_wanted = config.vehicle.hover_thrust_source != "config"
         gains = GAINS if compare else ()
         self._parameters = ParameterReader([*([_HOVER_THRUST] if self._hover_wanted else []), *self._expected, *gains])
@@ -51,8 +53,9 @@ class Pinned:
 
     @property
     def hover_thrust(self) -> float | None:
-        """MPC_THR_HOVER, where `vehicle.hover_thrust_source` wants it and the vehicle has told it."""
-        return self._parameters.values.get(_HOVER_THRUST) if self._hover_wanted else None
+        """MPC_THR_HOVER, where `vehicle.hover_thrust_source` wants it and the vehicle has told one that can be true."""
+        told = self._parameters.values.get(_HOVER_THRUST) if self._hover_wanted else None
+        return told if told is not None and abs(told / self._hover_thrust - 1.0) <= HOVER_PLAUSIBLE else None
 
     def requests(self, now_s: float) -> list[Request]:
         """What to ask now."""
@@ -93,7 +96,11 @@ class Pinned:
             gains = f"pinned as read: {pins}" if pins else "its gains are as the config says"
             lines.append(f"PX4 {version}; {gains}")
         if self._hover_wanted and self.hover_thrust is None:
-            lines.append(f"the vehicle does not tell {_HOVER_THRUST}: flying with vehicle.hover_thrust")
+            told = self._parameters.values.get(_HOVER_THRUST)
+            why = "the vehicle does not tell it"
+            if told is not None:
+                why = f"{told:g} is more than {HOVER_PLAUSIBLE:.0%} from vehicle.hover_thrust, correct the wrong one"
+            lines.append(f"{_HOVER_THRUST} is not believed ({why}): flying with vehicle.hover_thrust")
         return lines
 
     def _version_open(self, now_s: float) -> bool:

@@ -26,6 +26,7 @@ class Preflight:
 
     def __init__(self, config: Config, pose: PoseSource, *, compare: bool = True, uncertified: bool = False) -> None:
         self._tick = config.tick
+        self._flying = config.vehicle_kind.can_fly
         self._pose = pose
         self._meter = RateMeter()
         self._began_s = 0.0
@@ -67,7 +68,7 @@ class Preflight:
         if now_s < self._ask_s:
             return asked
         self._ask_s = now_s + _ASK_AGAIN_S
-        return [*asked, Stream(self._tick.rate_hz)]
+        return [*asked, Stream(self._tick.rate_hz, self._flying)]
 
     def refused(self) -> str | None:
         """Why the vehicle must not be flown with this certificate, as one line."""

@@ -11,9 +11,11 @@ from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from companion.certify import link_loss
 from companion.config import Config
 from companion.config.numbers import shortest
 from companion.flight.readiness.parameters import response_parameters, same, same_version
+from companion.flight.readiness.pinned import HOVER_PLAUSIBLE
 
 Found = Mapping[str, float]
 Version = tuple[int, int, int]
@@ -46,6 +48,7 @@ _OFFBOARD_BIT: Final = {"COM_RCL_EXCEPT": 4, "COM_RC_OVERRIDE": 2}
 _ODOMETRY_BYTES: Final = 244
 _BESIDE_BYTES_S: Final = 4000  # heartbeat, mode, status, answers
 _LONGEST_LOSS_S: Final = 1.0
+LANDED_ABOVE_IDLE: Final = 0.01  # over MPC_MANTHR_MIN; `land_detector/MulticopterLandDetector.cpp`
 _DANGEROUS_LOSS_S: Final = 2.0
 
 
@@ -55,6 +58,7 @@ def wanted(version: Version) -> tuple[str, ...]:
         "MPC_THR_HOVER",
         *response_parameters(version),
         "COM_OF_LOSS_T",
+        "MPC_MANTHR_MIN",
         "COM_OBL_RC_ACT",
         "COM_RC_IN_MODE",
         "NAV_RCL_ACT",
@@ -164,7 +168,7 @@ def _hover(config: Config, value: float, _: Found) -> _Judged:
     off = value / ours - 1.0
     if abs(off) <= 0.05:
         return f"{value:g}", Verdict.FINE, f"vehicle.hover_thrust is {ours:g}"
-    verdict = Verdict.DIFFERS if abs(off) <= 0.2 else Verdict.DANGEROUS
+    verdict = Verdict.DIFFERS if abs(off) <= HOVER_PLAUSIBLE else Verdict.DANGEROUS
     advice = (
         f"vehicle.hover_thrust is {ours:g}, {abs(off):.0%} away: one of them climbs or sinks; correct the wrong one"
     )
@@ -173,14 +177,18 @@ def _hover(config: Config, value: float, _: Found) -> _Judged:
 
 def _loss_time(config: Config, value: float, _: Found) -> _Judged:
     text = f"{value:g} s"
+    proposed_s = link_loss.proposed_s(config)
+    bound = f"a dead companion: up to {link_loss.worst(config, value)}"
     if value > _LONGEST_LOSS_S:
         verdict = Verdict.DANGEROUS if value > _DANGEROUS_LOSS_S else Verdict.DIFFERS
-        return text, verdict, "so long PX4 holds the last tilt when the companion dies: set it to 1 or less"
+        return text, verdict, f"{bound}; set it to {proposed_s:g}: {link_loss.worst(config, proposed_s)}"
     age_s = config.guards.pose_age_s.limit
     if value <= age_s:
         advice = f"PX4 acts before the companion has handed over: set it above guards.pose_age_s ({age_s:g} s)"
         return text, Verdict.DIFFERS, advice
-    return text, Verdict.FINE, ""
+    if value > proposed_s:
+        bound += f"; {proposed_s:g} s would do: {link_loss.worst(config, proposed_s)}"
+    return text, Verdict.FINE, bound
 
 
 def _loss_action(_: Config, value: float, __: Found) -> _Judged:
@@ -197,6 +205,18 @@ def _loss_action(_: Config, value: float, __: Found) -> _Judged:
 def _loss_name(value: float) -> str:
     """COM_OBL_RC_ACT."""
     return _OFFBOARD_LOSS[int(value)] if 0 <= value < len(_OFFBOARD_LOSS) else "Position"
+
+
+def _least_thrust(config: Config, value: float, _: Found) -> _Judged:
+    """In OFFBOARD by attitude PX4 finds the ground by a thrust at or below this and 0.01."""
+    ours, found_below = config.controller.limits.thrust_min, value + LANDED_ABOVE_IDLE
+    if not config.vehicle_kind.can_fly or ours <= found_below:
+        return f"{value:g}", Verdict.FINE, ""
+    advice = (
+        f"controller.limits.thrust_min is {ours:g}: at more than {found_below:g} PX4 finds no landing in OFFBOARD; "
+        f"set ours to {value:g}"
+    )
+    return f"{value:g}", Verdict.DIFFERS, advice
 
 
 def _manual_control(_: Config, value: float, __: Found) -> _Judged:
@@ -267,6 +287,7 @@ def _rate(config: Config, name: str, value: float) -> Setting:
 _RULES: Final[Mapping[str, _Rule]] = {
     "MPC_THR_HOVER": _hover,
     "COM_OF_LOSS_T": _loss_time,
+    "MPC_MANTHR_MIN": _least_thrust,
     "COM_OBL_RC_ACT": _loss_action,
     "COM_RC_IN_MODE": _manual_control,
     "NAV_RCL_ACT": _stick_loss,

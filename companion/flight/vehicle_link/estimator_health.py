@@ -14,6 +14,7 @@ _NEEDED: Final = (  # iterating the flags would leave out the one that stands fo
     EstimatorFlag.POSITION_HORIZONTAL,
     EstimatorFlag.POSITION_VERTICAL,
 )
+SOLUTIONS: Final = len(_NEEDED)
 
 
 def missing_flags(flags: int) -> int:

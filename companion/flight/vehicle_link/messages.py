@@ -22,12 +22,14 @@ ESTIMATOR_STATUS: Final = Layout("ESTIMATOR_STATUS")
 EXTENDED_SYS_STATE: Final = Layout("EXTENDED_SYS_STATE")
 COMMAND_ACK: Final = Layout("COMMAND_ACK")
 AUTOPILOT_VERSION: Final = Layout("AUTOPILOT_VERSION")
+ATTITUDE_TARGET: Final = Layout("ATTITUDE_TARGET")
 
 _FLAGS: Final = ESTIMATOR_STATUS.index("flags")
 _LANDED_STATE: Final = EXTENDED_SYS_STATE.index("landed_state")
 _COMMAND: Final = COMMAND_ACK.index("command")
 _RESULT: Final = COMMAND_ACK.index("result")
 _TARGET: Final = COMMAND_ACK.index("target_system"), COMMAND_ACK.index("target_component")
+_THRUST: Final = ATTITUDE_TARGET.index("thrust")
 _VERSION: Final = AUTOPILOT_VERSION.index("flight_sw_version")
 
 
@@ -62,6 +64,13 @@ class LandedState(NamedTuple):
     """EXTENDED_SYS_STATE, from a vehicle that knows."""
 
     landed: bool
+    taking_off: bool = False  # PX4 says so seconds before it has left the ground
+
+
+class FlownThrust(NamedTuple):
+    """ATTITUDE_TARGET: the normalised thrust that the vehicle flies; in OFFBOARD what it was told."""
+
+    thrust: float
 
 
 class Firmware(NamedTuple):
@@ -95,6 +104,7 @@ class Row(NamedTuple):
     message_id: int
     decode: Callable[[bytes], NamedTuple | None]  # None: nothing that can be used
     rate_hz: float | None = None  # None: it comes unasked
+    flying: bool = False  # of what flies alone: not asked of a rig
 
 
 def estimator_status(payload: bytes) -> EstimatorStatus:
@@ -107,7 +117,12 @@ def landed_state(payload: bytes) -> LandedState | None:
     state = EXTENDED_SYS_STATE.unpack(payload)[_LANDED_STATE]
     if state == mavlink.MAV_LANDED_STATE_UNDEFINED:
         return None
-    return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+    return LandedState(state == mavlink.MAV_LANDED_STATE_ON_GROUND, state == mavlink.MAV_LANDED_STATE_TAKEOFF)
+
+
+def flown_thrust(payload: bytes) -> FlownThrust:
+    """An ATTITUDE_TARGET."""
+    return FlownThrust(ATTITUDE_TARGET.unpack(payload)[_THRUST])
 
 
 def firmware(payload: bytes) -> Firmware:
@@ -124,7 +139,9 @@ def answer(payload: bytes) -> Answer:
 
 ROWS: Final = (
     Row(ESTIMATOR_STATUS.message_id, estimator_status, 5.0),
-    Row(EXTENDED_SYS_STATE.message_id, landed_state),  # on every link of PX4 but `custom`
+    # Who lifts off and switches at once is seen in time: unasked they come at 5 and 10 Hz.
+    Row(EXTENDED_SYS_STATE.message_id, landed_state, 20.0, flying=True),
+    Row(ATTITUDE_TARGET.message_id, flown_thrust, 20.0, flying=True),
     Row(mavlink.MAVLINK_MSG_ID_PARAM_VALUE, parameter),
     Row(AUTOPILOT_VERSION.message_id, firmware),
     Row(COMMAND_ACK.message_id, answer),

@@ -22,6 +22,7 @@ _unpack_pose = ODOMETRY.only(
 _unpack_variance = ODOMETRY.only(  # the diagonal of the covariance's upper right triangle
     "pose_covariance[0]", "pose_covariance[6]", "pose_covariance[11]",
 ).unpack_from  # fmt: skip
+_unpack_quality = ODOMETRY.only("quality").unpack_from
 _ODOMETRY = ODOMETRY.message_id
 _BYTES = ODOMETRY.size
 _LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
@@ -88,11 +89,22 @@ class PoseSource:
 
     @property
     def variance_ned_m2(self) -> tuple[float, float, float]:
-        """Of the last ODOMETRY, which alone tells it. Asked for seldom, so it is decoded then."""
+        """Of the last ODOMETRY, which alone tells it. Asked for seldom, so it is decoded then.
+
+        Zero is what a sender leaves that does not know it, and a negative one is none: not told, like NaN.
+        """
         if self._payload is None or self.message != "ODOMETRY":
             return (math.nan, math.nan, math.nan)
         x, y, z = _unpack_variance(self._payload)
-        return (x, y, z)
+        return (x if x > 0.0 else math.nan, y if y > 0.0 else math.nan, z if z > 0.0 else math.nan)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the last ODOMETRY says that it is worth nothing: `quality` is negative. Zero is unknown."""
+        if self._payload is None or self.message != "ODOMETRY":
+            return False
+        (quality,) = _unpack_quality(self._payload)
+        return bool(quality < 0)
 
     def settle(self) -> None:
         """Keep to the source in use from now on."""

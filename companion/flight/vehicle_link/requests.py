@@ -50,6 +50,7 @@ class Stream:
     """Odometry at this rate, and beside it the mode and what else `messages.ROWS` wants to be asked for."""
 
     odometry_hz: float
+    flying: bool = True  # whether also what only a vehicle that flies tells
 
 
 Request = Arm | SetMode | TellHeartbeat | TellFirmware | ReadParameter | Stream
@@ -68,8 +69,8 @@ def encode(request: Request, ids: tuple[int, int], pose: PoseSource) -> list[Any
             return [px4.request_message(*ids, AUTOPILOT_VERSION.message_id)]
         case ReadParameter(name):
             return [px4.read_parameter(*ids, name)]
-        case Stream(odometry_hz):
+        case Stream(odometry_hz, flying):
             rates = [(CURRENT_MODE.message_id, _MODE_HZ)]
-            rates += [(row.message_id, row.rate_hz) for row in ROWS if row.rate_hz is not None]
+            rates += [(row.message_id, row.rate_hz) for row in ROWS if row.rate_hz and (flying or not row.flying)]
             rates += [(message_id, odometry_hz) for message_id in pose.message_ids]
             return [px4.message_interval(*ids, message_id, rate_hz) for message_id, rate_hz in rates]

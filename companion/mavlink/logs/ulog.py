@@ -1,4 +1,4 @@
-"""Whether a file is a whole ULog, by its framing alone: a hole or a foreign piece breaks the chain of messages.
+"""The framing of a ULog, and whether a file is a whole one by it: a hole breaks the chain of messages.
 
 Source: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 MAGIC: Final = b"ULog\x01\x12\x35"
-_HEADER_BYTES: Final = 16
-_TYPES: Final = frozenset(b"BFIMPQARDLCSO")
+HEADER_BYTES: Final = 16
+KINDS: Final = frozenset(b"BFIMPQARDLCSO")
 
 
 class Extent(NamedTuple):
@@ -28,9 +28,9 @@ def extent(path: Path) -> Extent:
     total = len(data)
     if not data.startswith(MAGIC):
         return Extent(0, 0, total, "not a ULog: it does not begin with one's header")
-    at, messages = _HEADER_BYTES, 0
+    at, messages = HEADER_BYTES, 0
     while at + 3 <= total:
-        if data[at + 2] not in _TYPES:
+        if data[at + 2] not in KINDS:
             return Extent(messages, at, total, f"broken at byte {at} of {total}: no ULog message begins there")
         at += 3 + (data[at] | data[at + 1] << 8)
         messages += 1

@@ -123,9 +123,8 @@ ESTIMATOR: Final = (
         Reason.POSITION_VARIANCE,
         ((2.0, Doubt(position_m2=math.nan)),),
         overrides=HOVER,
-        by_s=4.5,
+        by_s=2.5,
         stays_within_m=0.3,
-        events=("blind",),
     ),
     Scenario(
         "reset_small",
@@ -174,7 +173,7 @@ ESTIMATOR: Final = (
     Scenario(
         "reset_again_and_again",
         "resets by 0.4 m, each permitted, walk it away",
-        Reason.ESTIMATOR_JUMP,
+        Reason.ESTIMATOR_STEPS,
         tuple((1.0 + 1.2 * k, Jump((0.4, 0.0, 0.0))) for k in range(4)),
         overrides=HOVER,
         by_s=3.6,

@@ -50,8 +50,8 @@ def test_small_resets_that_come_again_and_again_end_control(tmp_path: Path) -> N
 
         autopilot.pose = walking
         line = flight.until("^released")
-        assert "estimator_jump" in line
-        assert "add up to 1.20 m, more than 1 m" in line
+        assert "estimator_steps" in line
+        assert "it was 1.2, the limit 1" in line
         assert flight.exit_code(5.0) == 1
 
 

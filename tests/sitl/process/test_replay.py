@@ -121,6 +121,10 @@ class Vehicle(FakeAutopilot):
             self._began_s = self.clock.now_s
             self.mode = int(Mode.HOLD) if self.forced else self._mode_at(first_s)
             self._coming.extend(self.pack(self.heartbeat()) for _ in range(3))
+            # What was not recorded: that it is in the air, and that its thrust says so too.
+            self._coming.append(self.pack(mavlink.MAVLink_extended_sys_state_message(0, 2)))
+            level = [1.0, 0.0, 0.0, 0.0]
+            self._coming.append(self.pack(mavlink.MAVLink_attitude_target_message(0, 0, level, 0.0, 0.0, 0.0, 0.49)))
         if self._next == len(self.recording):
             assert self.process is not None
             self.process.stop()

@@ -111,7 +111,18 @@ def assert_flown_without_its_log(run: Process) -> None:
 @pytest.mark.realtime
 def test_a_full_disk_ends_the_log_and_not_the_flight() -> None:
     with served() as port, small_disk() as disk:
-        run = start("run", RIG, "--link", f"udpout://127.0.0.1:{port}", "--engage", "--out", disk, *SHORT)
+        run = start(
+            "run",
+            RIG,
+            "--link",
+            f"udpout://127.0.0.1:{port}",
+            "--engage",
+            "--out",
+            disk,
+            *SHORT,
+            "--set",
+            "log.free_gb=0",
+        )
         assert_flown_without_its_log(run)
 
 

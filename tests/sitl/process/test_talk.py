@@ -18,6 +18,7 @@ FENCED = (
     "guards.fence={enabled: true, radius_m: 2, lower_ned_m: [-2, -2, -2], upper_ned_m: [2, 2, 2]}",
     "controller.anchor=setpoint", "controller.limits.speed_m_s=0.5",
     "guards.attitude_response_deg.enabled=false",  # the scripted vehicle does not move
+    "guards.estimate_stuck_s.enabled=false",
 )  # fmt: skip
 POSITION_ALONE = 0xDF8
 

@@ -46,6 +46,7 @@ def test_the_shipped_files_load() -> None:
         "px4_quadrotor.yaml",
         "px4_quadrotor_1_18.yaml",
         "px4_quadrotor_gps.yaml",
+        "trajectories.yaml",
     ]
     assert sorted(path.name for path in SHIPPED.glob("*.yaml")) == names
     rig, quadrotor = load_config(RIG), load_config(QUADROTOR)

@@ -81,6 +81,7 @@ def test_only_the_lines_of_the_value_change(path: tuple[str, ...], value: str) -
         "px4_quadrotor.yaml",
         "px4_quadrotor_1_18.yaml",
         "px4_quadrotor_gps.yaml",
+        "trajectories.yaml",
     ],
 )
 def test_the_shipped_files_keep_all_but_what_is_changed(name: str) -> None:

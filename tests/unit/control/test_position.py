@@ -21,9 +21,10 @@ from companion.control import (
     projection,
     reference_model,
     setpoint,
+    tracking,
 )
 from companion.control.ease import EaseState
-from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.control.types import AttitudeSetpoint, Jump, Odometry, PositionSetpoint, Reference
 from sitl.vehicles.rotation import quaternion
 
 angles = st.floats(-math.pi, math.pi)
@@ -109,8 +110,8 @@ def test_signs_of_15_small_pitch_moves_back_and_small_roll_moves_right() -> None
     theta, phi = 0.01, 0.02
     pitched = Odometry(0, 0, 0, 0, 0, 0, 0, math.cos(theta / 2), 0.0, math.sin(theta / 2), 0.0)
     rolled = Odometry(0, 0, 0, 0, 0, 0, 0, math.cos(phi / 2), math.sin(phi / 2), 0.0, 0.0)
-    assert position.in_control_frame(pitched, 0.0, 0.0, 1.0, 0.0, 1.0).wx == pytest.approx(-theta, rel=1e-4)
-    assert position.in_control_frame(rolled, 0.0, 0.0, 1.0, 0.0, 1.0).wy == pytest.approx(phi, rel=1e-4)
+    assert frame.in_control_frame(pitched, 0.0, 0.0, 1.0, 0.0, 1.0).wx == pytest.approx(-theta, rel=1e-4)
+    assert frame.in_control_frame(rolled, 0.0, 0.0, 1.0, 0.0, 1.0).wy == pytest.approx(phi, rel=1e-4)
 
 
 def climb(
@@ -402,7 +403,12 @@ def test_numba_compiles_the_steps_unchanged_and_agrees(monkeypatch: pytest.Monke
             command = PositionSetpoint(0.2, -0.1, -1.2, 0.7 if free and k > 50 else 0.0)
             if free and k == 100:
                 state = position.reseat(state, Jump(0.1, 0.2, -0.3, 0.1, 0.0, 0.2, 0.3))
-            state, out = position.step(params(one_axis=one_axis, free=free), state, odometry, command, 0.01)
+            flown = params(one_axis=one_axis, free=free)
+            if free and not one_axis and 120 <= k < 140:  # along a trajectory, and off it again
+                moving = Reference(0.2, 0.01 * k, -1.2, 0.0, 1.0, 0.1, 0.5, 0.2, 0.1, 0.3, 0.2, 0.1, 1.0, 1.0, 1.0, 0.8)
+                state, out = position.step(flown, state, odometry, command, 0.01, moving)
+            else:
+                state, out = position.step(flown, state, odometry, command, 0.01)
             seen.append(flat(state) + flat(out))
         return seen
 
@@ -411,7 +417,7 @@ def test_numba_compiles_the_steps_unchanged_and_agrees(monkeypatch: pytest.Monke
 
     plain = fly_all()
     modules = (
-        projection, reference_model, mrac, altitude, attitude, setpoint, limits, hover, ease, frame, position,
+        projection, reference_model, mrac, altitude, attitude, setpoint, limits, hover, ease, frame, tracking, position,
     )  # fmt: skip
     for module in modules:  # from the bottom up: each function finds those below it compiled
         for name, function in inspect.getmembers(module, inspect.isfunction):

@@ -76,7 +76,9 @@ class Vehicle:
         base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
         beat = mavlink.MAVLink_heartbeat_message(2, 12, base, self._mode, mavlink.MAV_STATE_ACTIVE, 3)
         mode = mavlink.MAVLink_current_mode_message(0, self._mode, self._mode)
-        return bytes(beat.pack(self._packer)) + bytes(mode.pack(self._packer))
+        air = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR)
+        flown = mavlink.MAVLink_attitude_target_message(0, 0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.49)
+        return b"".join(bytes(message.pack(self._packer)) for message in (beat, mode, air, flown))
 
     def _sample(self) -> bytes:
         values = dict.fromkeys(ODOMETRY.fields, 0.0) | {

@@ -50,9 +50,30 @@ def test_hover_thrust_comes_from_where_the_config_says(source: str, told: float 
     config = load_config(SHIPPED / "px4_quadrotor.yaml", (f"vehicle.hover_thrust_source={source}",))
     pilot = Pilot(config, hedging=True)
     assert pilot.hover_thrust == 0.49
-    pilot.take_over(sample(0.0), told)
+    pilot.believe_hover_thrust(told)
+    pilot.take_over(sample(0.0))
     assert pilot.hover_thrust == flown
     assert pilot.step(sample(0.0), 0.0).thrust == pytest.approx(flown)
+
+
+@pytest.mark.parametrize("source", ["config", "parameter", "estimated"])
+@pytest.mark.parametrize("hovers_at", [0.59, 0.40])
+def test_it_begins_with_the_thrust_that_carries_it(source: str, hovers_at: float) -> None:
+    config = load_config(SHIPPED / "px4_quadrotor.yaml", (f"vehicle.hover_thrust_source={source}",))
+    pilot = Pilot(config, hedging=True)
+    pilot.believe_hovering(hovers_at)
+    assert pilot.standby_thrust == pytest.approx(hovers_at)
+    pilot.take_over(sample(0.0))
+    assert pilot.step(sample(0.0), 0.0).thrust == pytest.approx(hovers_at)
+    assert pilot.hover_thrust == pytest.approx(hovers_at if source == "estimated" else 0.49)
+    for k in range(1, 250):  # it stays where it is, and so does the thrust
+        assert pilot.step(sample(0.004 * k), 0.004).thrust == pytest.approx(hovers_at, rel=1e-6)
+
+
+def test_what_px4_needs_to_stay_where_it_is_is_no_other_thrust() -> None:
+    pilot = Pilot(PX4, hedging=True)
+    pilot.believe_hovering(0.493)
+    assert pilot.standby_thrust == 0.49
 
 
 def test_a_live_command_replaces_the_mission_and_nan_keeps_the_heading() -> None:

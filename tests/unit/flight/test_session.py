@@ -61,7 +61,7 @@ def test_on_the_bench_there_is_no_ground_to_begin_on() -> None:
     for bench in (False, True):
         ground = session("px4_quadrotor", bench=bench).ground
         ground.on_report(1.0, landed=True, offboard=False)
-        assert ground.began_on(2.0, offboard=True) is not bench
+        assert (ground.doubt(2.0, offboard=True) is None) is bench
 
 
 def test_an_ending_carries_its_own_text_and_the_first_one_stays() -> None:

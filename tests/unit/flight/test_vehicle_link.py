@@ -3,109 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import get_args, get_type_hints
 
 import pytest
+from harness.link_bench import (
+    KEY,
+    OFFBOARD,
+    STEERING,
+    Bench,
+    Log,
+    Wire,
+    config,
+    current_mode,
+    heartbeat,
+    packed,
+    target,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.config import Config, load_config
-from companion.control.types import AttitudeSetpoint, Odometry, PositionSetpoint
+from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.authority.states import State
-from companion.flight.host.clock import Clock
 from companion.flight.process import FlightProcess
-from companion.flight.vehicle_link.link import VehicleLink
 from companion.flight.vehicle_link.messages import ROWS, Heartbeat, ModeReport
 from companion.mavlink.codec import FrameParser
 from companion.mavlink.signing import Signing
 from companion.record.recorder import RECEIVED, SENT
-
-ROOT = Path(__file__).resolve().parents[3]
-RIG = ROOT / "config" / "antx_rig.yaml"
-STEERING = (
-    "steering.enabled=true", "steering.system_ids=[255]", "controller.anchor=setpoint",
-    "controller.limits.speed_m_s=0.3",
-    "guards.fence={enabled: true, radius_m: 5, lower_ned_m: [-5, -5, -5], upper_ned_m: [5, 5, 5]}",
-)  # fmt: skip
-KEY = bytes(range(1, 33))
-OFFBOARD = 6 << 16
-
-
-class Wire:
-    """A link without a wire."""
-
-    stream = False
-    name = "wire"
-
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
-        self.locked = 0
-
-    def receive(self) -> bytes:
-        return b""
-
-    def send(self, data: bytes) -> None:
-        self.sent.append(data)
-
-    def lock(self) -> None:
-        self.locked += 1
-
-    def close(self) -> None: ...
-
-
-class Log:
-    """Keeps what would be recorded."""
-
-    def __init__(self) -> None:
-        self.records: list[tuple[int, bytes]] = []
-
-    def add(self, kind: int, time_us: int, data: bytes) -> None:
-        self.records.append((kind, data))
-
-
-def config(*overrides: str) -> Config:
-    return load_config(RIG, overrides)
-
-
-class Bench:
-    """A link to the vehicle, its wire and its log."""
-
-    def __init__(self, *overrides: str) -> None:
-        self.wire, self.log = Wire(), Log()
-        self.link = VehicleLink(config(*overrides), self.wire, self.log, Clock())  # type: ignore[arg-type]
-
-    def hear(self, *frames: bytes) -> list[int]:
-        """Message ids believed, every message taken as the process does."""
-        for _ in self.link.messages(b"".join(frames)):
-            pass
-        return [frame.message_id for frame in self.link.heard]
-
-    def steered(self) -> list[float]:
-        """Where those who may steer want it, north, since this was last asked."""
-        commands = self.link.live_commands()
-        assert all(isinstance(command, PositionSetpoint) for command in commands)
-        return [command.x_m for command in commands if isinstance(command, PositionSetpoint)]
-
-
-def packed(message: Any, system: int = 1, component: int = 1) -> bytes:
-    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component)))
-
-
-def heartbeat(autopilot: int = 12, mode: int = OFFBOARD, **sender: int) -> bytes:
-    return packed(mavlink.MAVLink_heartbeat_message(2, autopilot, 0x81, mode, 4, 3), **sender)
-
-
-def current_mode(mode: int = OFFBOARD, intended: int = OFFBOARD) -> bytes:
-    return packed(mavlink.MAVLink_current_mode_message(3, mode, intended))
-
-
-def target(component: int = 191, x: float = 1.0, **sender: int) -> bytes:
-    message = mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, component, 1, 0xDF8, x, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
-    )
-    return packed(message, **{"system": 255, "component": 190, **sender})
-
 
 # --- the vehicle ----------------------------------------------------------------------------------------------------
 
@@ -223,10 +147,11 @@ def test_with_a_key_only_what_it_signed_is_believed_and_only_once(key_file: str)
     bench, vehicle, forger = Bench(key_file), Signing(KEY), Signing(bytes(31) + b"\x01")
     assert bench.hear(heartbeat(), forger.sign(heartbeat())) == []
     assert (bench.link.connected, bench.wire.locked) == (False, 0)
+    bench.prove(vehicle)
     signed = vehicle.sign(heartbeat())
-    assert bench.hear(signed, vehicle.sign(current_mode())) == [0]
+    assert bench.hear(signed, vehicle.sign(current_mode())) == [0, 436]
     assert bench.hear(signed, vehicle.sign(current_mode()), heartbeat()) == [436]
-    assert bench.link.tally().endswith("2 unsigned, 1 bad_signature, 1 replayed")
+    assert bench.link.tally().endswith("2 unsigned, 1 bad_signature, 1 replayed, 1 unproven")
 
 
 def test_a_person_who_waits_is_told_what_was_heard_instead(key_file: str) -> None:
@@ -263,7 +188,7 @@ def test_with_a_key_everything_is_signed(key_file: str) -> None:
 
 def test_with_a_key_a_rival_must_have_it_too(key_file: str) -> None:
     bench, vehicle, twin = Bench(key_file), Signing(KEY), Signing(KEY, link_id=3)
-    bench.hear(vehicle.sign(heartbeat()))
+    bench.prove(vehicle)
     bench.hear(heartbeat(system=1, component=191))
     assert bench.link.rival() is None
     bench.hear(twin.sign(heartbeat(system=1, component=191)))
@@ -272,7 +197,7 @@ def test_with_a_key_a_rival_must_have_it_too(key_file: str) -> None:
 
 def test_with_a_key_steering_must_be_signed_too(key_file: str) -> None:
     bench, vehicle, station = Bench(key_file, *STEERING), Signing(KEY), Signing(KEY, link_id=3)
-    bench.hear(vehicle.sign(heartbeat()))
+    bench.prove(vehicle)
     signed = station.sign(target())
     bench.hear(target(), signed, signed)
     assert bench.steered() == [1.0]

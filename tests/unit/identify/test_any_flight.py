@@ -81,6 +81,7 @@ def test_a_ulog_in_position_mode_serves_once_it_is_off_the_ground(tmp_path: Path
     def in_position_mode(topics: dict[str, dict[str, Any]]) -> None:
         state = topics["vehicle_status"]["nav_state"]
         state[state == 14] = 2
+        topics["vehicle_control_mode"]["flag_control_position_enabled"][:] = 1
 
     found = identify_log([mutated_ulog(FULL, tmp_path / "position.ulg", in_position_mode)])
     doublets = identify_log([FULL])

@@ -100,7 +100,7 @@ def test_logs_of_different_gains_or_flights_are_not_mixed(cut: Cut) -> None:
     p3, p4, traffic = (
         cut(n) for n in ("px4_sih_attitude_p3.ulg", "px4_sih_attitude_p4.ulg", "px4_sih_doublets_p3.tlog")
     )
-    with pytest.raises(LogError, match=r"MC_ROLL_P is 4, in .* it is 3: give logs of one tuning"):
+    with pytest.raises(LogError, match=r"MC_ROLL_P is 4\.0, in .* it is 3\.0: give logs of one tuning"):
         identify_log([p3, p4])
     with pytest.raises(LogError, match=r"not the flight of .*: no set-point is in both"):
         identify_log([p4, traffic])

@@ -245,18 +245,38 @@ def test_crafted_bytes_are_given_up_after_a_bounded_number_of_looks(data: bytes,
     for _ in range(10):
         before = parser.unknown + parser.bad_crc
         assert parser.feed(data) == []
-        assert parser.unknown + parser.bad_crc - before <= MOST_REJECTED
+        assert parser.unknown + parser.bad_crc - before <= (len(data) if stream else MOST_REJECTED)
     assert [frame.raw for frame in parser.feed(bytes(MAX_FRAME_BYTES) + heartbeat())] == [heartbeat()]
 
 
-@streams_and_datagrams
-def test_frames_before_the_crafted_bytes_of_a_read_are_kept_and_those_behind_them_lost(stream: bool) -> None:
-    parser = FrameParser(stream=stream)
-    frames = parser.feed(heartbeat(1) + b"\xfd" * MOST_REJECTED + heartbeat(2))
+FALSE = b"\xfd\x00\x00" + b"\xff" * 9  # as a beginning has it, of a message that there is not
+
+
+def test_in_a_datagram_frames_before_the_crafted_bytes_are_kept_and_those_behind_them_lost() -> None:
+    parser = FrameParser()
+    frames = parser.feed(heartbeat(1) + FALSE * MOST_REJECTED + heartbeat(2))
     assert [frame.raw for frame in frames] == [heartbeat(1)]
-    assert parser.dropped_bytes == MOST_REJECTED + len(heartbeat(2))
-    frames = parser.feed(heartbeat(3) + b"\xfd" * (MOST_REJECTED - 12) + b"\xff" * 12 + heartbeat(4))
+    assert parser.dropped_bytes == MOST_REJECTED * len(FALSE) + len(heartbeat(2))
+    frames = parser.feed(heartbeat(3) + FALSE * (MOST_REJECTED - 1) + heartbeat(4))
     assert [frame.raw for frame in frames] == [heartbeat(3), heartbeat(4)]
+
+
+@pytest.mark.parametrize("burst", [b"\xfd", b"\xfd\xfd\x00\x00", FALSE, b"\xfd\x00\x00\x00\x00\x01\x01\x00\x00\x00"])
+def test_on_a_line_a_frame_behind_a_burst_is_found_whatever_the_burst_is(burst: bytes) -> None:
+    """A line with something else's noise on it: each read ends in the vehicle's heartbeat, behind two kilobytes."""
+    parser = FrameParser(stream=True)
+    for n in range(20):
+        frames = parser.feed(burst * (2000 // len(burst)) + b"\xff" * MAX_FRAME_BYTES + heartbeat(n))
+        assert [frame.raw for frame in frames] == [heartbeat(n)]
+        assert len(parser._rest) < MAX_FRAME_BYTES
+
+
+@streams_and_datagrams
+def test_a_burst_of_beginnings_costs_no_more_than_a_search(stream: bool) -> None:
+    parser = FrameParser(stream=stream)
+    parser.feed(b"\xfd" * 1_000_000)
+    assert (parser.frames, parser.bad_crc, parser.unknown) == (0, 0, 0)
+    assert parser.dropped_bytes >= 1_000_000 - 2
 
 
 # --- layouts --------------------------------------------------------------------------------------------------------

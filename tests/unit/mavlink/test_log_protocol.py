@@ -157,6 +157,15 @@ def test_data_of_another_log_or_another_grid_is_left_alone() -> None:
     assert fetch.offset == 10
 
 
+def test_what_is_served_beyond_the_size_listed_is_left_out() -> None:
+    """PX4 serves a log that is being written beyond what it listed; found by fuzzing."""
+    fetch = LogFetch(1, 1, LogEntry(1, 26, 0))
+    assert fetch.requests(0.0)
+    frame = FrameParser().feed(Encoder(LOG_DATA, 1, 1).encode(0, 0, 1, 90, *range(90)))[0]
+    assert fetch.take(frame, 0.0) == bytes(range(26))
+    assert (fetch.done, fetch.offset) == (True, 26)
+
+
 def test_a_vehicle_that_falls_silent_is_told_of() -> None:
     log = synthetic_log(50_000)
     wire = Wire([log])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import socket
 from collections.abc import Iterator
 from itertools import pairwise
@@ -16,6 +18,7 @@ from companion.mavlink.client import open_shared
 from companion.mavlink.codec import Frame, FrameParser, Layout
 from companion.mavlink.link import LinkError
 from companion.mavlink.logs.protocol import DATA_BYTES, ON_A_LINE
+from companion.mavlink.socket_owner import refusal
 from companion.mavlink.tool_client import ToolLink, tool_socket, tool_sockets
 from companion.mavlink.tool_server import COLD, ToolServer, question
 
@@ -143,6 +146,15 @@ def test_a_new_request_takes_the_place_of_the_last_and_an_end_ends_it(server: To
     assert [server.asked(11.0), server.asked(12.0)] == [b"", b""]
 
 
+def test_the_end_of_a_log_is_heard_where_the_loop_turns_slowly(server: ToolServer, tool: ToolLink) -> None:
+    tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 0xFFFFFFFF)).raw)
+    assert server.asked(10.0) != b""
+    end = frame_of(mavlink.MAVLink_log_request_end_message(1, 1))
+    tool.send(end.raw)
+    assert end.raw in [server.asked(10.1), server.asked(10.2)]
+    assert server.asked(10.3) == b""
+
+
 @pytest.mark.parametrize("offset", [0, 0xFFFFFFFF])
 def test_a_request_without_end_does_not_break_the_server(server: ToolServer, tool: ToolLink, offset: int) -> None:
     tool.send(frame_of(mavlink.MAVLink_log_request_data_message(1, 1, 3, offset, 0xFFFFFFFF)).raw)
@@ -218,8 +230,79 @@ def test_a_folder_that_anybody_may_write_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "open"
     folder.mkdir()
     folder.chmod(0o777)
-    with pytest.raises(LinkError, match="somebody else"):
+    with pytest.raises(LinkError, match="may be written by others"):
         ToolServer(folder / "tools.sock")
+
+
+def test_a_folder_that_somebody_else_made_is_refused_by_both_sides(
+    server: ToolServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As root's `companion vehicle` would meet it: /tmp/companion-0, made by whoever came first."""
+    monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 4242)
+    ours = os.getuid() == 0  # then the folder is root's, and root is believed by everybody
+    assert (refusal(tmp_path, mine=True, user=4242) is None) == ours
+    other, made = 4243, tmp_path / "made"
+    made.mkdir(mode=0o700)
+    if ours:
+        os.chown(made, other, other)
+    assert "belongs to somebody else" in str(refusal(made, mine=True, user=4242))
+    planted = made / "planted.sock"
+    planted.touch()
+    for opens in (lambda: ToolServer(made / "tools.sock"), lambda: ToolLink(planted, 0.02, mine=True)):
+        with pytest.raises(LinkError, match="belongs to somebody else"):
+            opens()
+
+
+def test_a_link_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir(mode=0o700)
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    assert refusal(tmp_path / "real", mine=True) is None
+    assert "is no folder" in str(refusal(tmp_path / "link", mine=True))
+
+
+def test_what_lies_under_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:
+    above = tmp_path / "above"
+    (above / "mine").mkdir(mode=0o700, parents=True)
+    above.chmod(0o777)
+    assert "may be written by others" in str(refusal(above / "mine", mine=True))
+    above.chmod(0o1777)  # as /tmp: nobody else can take the folder away
+    assert refusal(above / "mine", mine=True) is None
+
+
+def test_a_service_s_user_is_believed_where_root_has_given_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir(mode=0o700)
+    assert refusal(folder, mine=False) is None
+    if os.getuid() == 0:
+        os.chown(folder, 4243, 4243)
+        assert refusal(folder, mine=False) is None
+        assert "belongs to somebody else" in str(refusal(folder, mine=True))
+        tmp_path.chmod(0o1777)  # whoever came first may have made it
+        assert "belongs to somebody else" in str(refusal(folder, mine=False))
+
+
+def test_each_side_looks_who_sends(server: ToolServer, tool: ToolLink, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = frame_of(READ)
+    tool.send(frame.raw)
+    assert server.asked(10.0) == frame.raw
+    answer = frame_of(mavlink.MAVLink_param_value_message(b"MC_ROLL_P", 4.0, 9, 1, 0))
+    server.offer([answer])
+    tool._users = {4243}
+    assert tool.receive() == b""
+    other = os.geteuid() + 4242
+    monkeypatch.setattr("companion.mavlink.tool_server.receive", lambda *_: (frame.raw, other, "@somebody"))
+    assert server.asked(11.0) == b""
+    assert server.refused == 1
+
+
+def test_a_tool_that_floods_is_heard_a_hundred_times_a_second(server: ToolServer, tool: ToolLink) -> None:
+    frame, asked, now_s = frame_of(READ).raw, 0, 10.0
+    while now_s < 11.0:
+        with contextlib.suppress(BlockingIOError):
+            tool._socket.send(frame, socket.MSG_DONTWAIT)
+        asked += server.asked(now_s) != b""
+        now_s += 0.001
+    assert 80 <= asked <= 101
 
 
 @pytest.mark.parametrize("url", ["udpin://127.0.0.1:{}", "udpout://127.0.0.1:{}"])
@@ -246,9 +329,9 @@ def test_a_service_has_its_socket_in_its_own_folder(monkeypatch: pytest.MonkeyPa
     url = "serial:///dev/ttyAMA0:921600"
     monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/companion")
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    assert tool_socket(url) in tool_sockets(url)
+    assert (tool_socket(url), False) in tool_sockets(url)
     monkeypatch.delenv("RUNTIME_DIRECTORY")
-    assert tool_socket(url) == tool_sockets(url)[0]
+    assert (tool_socket(url), True) == tool_sockets(url)[0]
     assert tool_socket(url) != tool_socket("serial:///dev/ttyAMA1:921600")
 
 

@@ -1,6 +1,7 @@
 """The list of scenarios covers what it must, and the verdict finds what does not hold."""
 
 import inspect
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 
 from companion.commands.scenarios import report
 from companion.config import load_config
+from companion.config.guards.rows import GUARDS
 from companion.flight.authority.states import Reason, State
 from companion.flight.host.runtime import Summary
 from companion.record.reader import Event, Flight, tick_dtype
 from sitl.autopilot.modes import FlightMode
-from sitl.scenarios import actors, faults
+from sitl.scenarios import actors, faults, lies
 from sitl.scenarios.index import ALL, by_name, pick
 from sitl.scenarios.observer import Account, Change
 from sitl.scenarios.scenario import QUADROTOR, Flown, Scenario
@@ -37,7 +39,7 @@ def test_every_fault_of_the_vocabulary_is_used() -> None:
     used = {type(what) for scenario in ALL for what in (*scenario.before, *(w for _, w in scenario.happens))}
     vocabulary = {
         kind
-        for module in (faults, actors)
+        for module in (faults, actors, lies)
         for _, kind in inspect.getmembers(module, inspect.isclass)
         if kind.__module__ == module.__name__
     }
@@ -49,6 +51,16 @@ def test_its_config_is_valid(scenario: Scenario) -> None:
     config = load_config(CONFIGS / scenario.base, scenario.overrides)
     assert config.plant is not None
     assert config.mission.duration_s is not None or config.mission.identification is not None, "it must end"
+
+
+def test_what_safety_md_calls_shown_is_shown_by_a_scenario() -> None:
+    page = (CONFIGS.parent / "docs" / "safety.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith("|")]
+    shown = [name for row in rows if len(row) == 4 for name in re.findall(r"`(\w+)`", row[3])]
+    assert len(shown) > 25
+    assert set(shown) <= {scenario.name for scenario in ALL}
+    guards = {name for row in rows if len(row) == 4 for name in re.findall(r"`(\w+)`", row[1])}
+    assert {guard.key for guard in GUARDS.values() if guard.row.certified} <= guards
 
 
 def test_picking_by_pattern_keeps_the_order_of_the_list() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -267,25 +268,44 @@ def test_a_file_that_is_no_flight_is_refused_with_its_name(folder: Path, tmp_pat
     path = tmp_path / "flight.mcap"
     with pytest.raises(FileNotFoundError, match=r"flight\.mcap"):
         read_flight(tmp_path)
-    for broken in (b"", os.urandom(1) + whole[1:], whole[: len(whole) // 2], whole[:-1]):
+    for broken in (b"", os.urandom(1) + whole[1:], whole[:7]):
         path.write_bytes(broken)
         with pytest.raises(ValueError, match=r"flight\.mcap: not a readable flight log") as caught:
             read_flight(tmp_path)
         assert len(str(caught.value).splitlines()) == 1
 
 
-def test_a_damaged_file_is_refused_rather_than_misread(folder: Path, tmp_path: Path) -> None:
+def test_a_flight_whose_writer_was_killed_is_read_to_the_end_of_what_is_whole(folder: Path, tmp_path: Path) -> None:
     whole = (folder / "flight.mcap").read_bytes()
-    undamaged = read_flight(folder).ticks.tobytes()
-    for at in range(2000, len(whole) - 2000, len(whole) // 50):
+    ticks = read_flight(folder).ticks
+    counts = []
+    for size in (*range(8, len(whole), len(whole) // 40), len(whole) - 1):
+        for tail in (b"", bytes(4096)):
+            (tmp_path / "flight.mcap").write_bytes(whole[:size] + tail)
+            flight = read_flight(tmp_path)
+            assert flight.ticks.tobytes() == ticks[: len(flight.ticks)].tobytes()
+            assert re.match(r"the end is cut at byte \d+ of \d+ ", flight.notes[-1])
+            assert len(flight.notes) == 1 or flight.notes[0].startswith("damaged at byte")  # half a chunk and zeros
+        counts.append(len(flight.ticks))
+    assert counts == sorted(counts)
+    assert (counts[0], counts[-1]) == (0, len(ticks))
+    assert len(set(counts)) > 2, "not all or nothing"
+
+
+def test_a_damaged_chunk_is_passed_over_and_told(folder: Path, tmp_path: Path) -> None:
+    whole = (folder / "flight.mcap").read_bytes()
+    undamaged = read_flight(folder)
+    rows = {row.tobytes() for row in undamaged.ticks}
+    lost = 0
+    for at in range(100, len(whole) - 2000, len(whole) // 50):
         damaged = bytearray(whole)
         damaged[at] ^= 0x10
         (tmp_path / "flight.mcap").write_bytes(damaged)
-        try:
-            ticks = read_flight(tmp_path).ticks
-        except ValueError:
-            continue
-        assert ticks.tobytes() == undamaged, f"byte {at}"
+        flight = read_flight(tmp_path)
+        assert all(row.tobytes() in rows for row in flight.ticks), f"byte {at}"
+        assert bool(flight.notes) or len(flight.ticks) == len(undamaged.ticks), f"byte {at}"
+        lost += len(flight.ticks) < len(undamaged.ticks)
+    assert lost > 0
 
 
 # --- what goes wrong meanwhile --------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ RIG = ROOT / "config" / "antx_rig.yaml"
 BEFORE = {Reason.NOT_SETTLED}  # looked at before control begins alone
 AGES = {Reason.POSE_STALE, Reason.HEARTBEAT_LOST}
 EVENTS = {Reason.CLOCK_JUMP, Reason.ESTIMATOR_JUMP, Reason.TICK_OVERRUN}
-UNITS = ("deg", "hz", "m", "m2", "s")
+UNITS = ("m_s", "deg", "hz", "m", "m2", "s")  # the longest first
 
 
 def limits(*overrides: str) -> Limits:
@@ -50,8 +50,8 @@ def test_every_guard_of_the_schema_has_its_row_and_its_description() -> None:
         assert about, key
         assert row.reason is reason
         assert not any("\n" in text or "|" in text for text in (about, reason.meaning, reason.look_at))
-        ending = key.rsplit("_", 1)[-1]
-        assert row.unit == (ending if ending in UNITS else ""), "the unit of its limit is in its name"
+        ending = next((unit for unit in UNITS if key.endswith(f"_{unit}")), "")
+        assert row.unit == ending, "the unit of its limit is in its name"
 
 
 def test_every_guard_is_measured_or_stands_where_it_happens() -> None:
@@ -76,10 +76,11 @@ def test_a_guard_that_can_go_blind_has_a_way_to_tell_and_a_reason_to_give() -> N
 def test_the_order_of_the_checks_is_that_of_the_rows() -> None:
     """What tells most of the cause comes first; the estimator's doubt before what follows from it."""
     assert WATCHED == (
-        Reason.POSITION_VARIANCE, Reason.ESTIMATOR_FLAGS, Reason.VELOCITY_CONSISTENCY, Reason.FENCE, Reason.TILT,
-        Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.HOVER_THRUST, Reason.THRUST_SATURATION,
-        Reason.WEIGHTS_ON_BOUND, Reason.TRACKING_ERROR, Reason.ENVELOPE, Reason.LINK_DELAY, Reason.LINK_JITTER,
-        Reason.POSE_RATE, Reason.FLIGHT_TIME,
+        Reason.POSITION_VARIANCE, Reason.ESTIMATOR_FLAGS, Reason.ESTIMATE_STUCK, Reason.VELOCITY_CONSISTENCY,
+        Reason.ESTIMATOR_STEPS, Reason.POSITION_SLIDE, Reason.HEIGHT_SLIDE, Reason.FENCE, Reason.TILT,
+        Reason.UNEXPLAINED_MOTION, Reason.ATTITUDE_RESPONSE, Reason.TILT_ERROR, Reason.LANDED, Reason.HOVER_THRUST,
+        Reason.THRUST_SATURATION, Reason.WEIGHTS_ON_BOUND, Reason.TRACKING_ERROR, Reason.ENVELOPE, Reason.LINK_DELAY,
+        Reason.LINK_JITTER, Reason.POSE_RATE, Reason.CLOCK_RATE, Reason.FLIGHT_TIME,
     )  # fmt: skip
 
 
@@ -125,19 +126,24 @@ def test_a_guard_ends_control_once_its_timeout_is_over(guarded: Reason) -> None:
     if GUARDS[guarded].row.least:
         assert limit.limits[place] == -of[guarded]
         past = (*past[:place], -of[guarded] * 0.99, *past[place + 1 :])
-    since, reason = guards.watch(limit, CLEAR, past, 10.0)
+    dt_s = max(timeout_s, 1.0) / 10.0
+    had, reason = guards.watch(limit, CLEAR, past, dt_s)
     if timeout_s == 0.0:
         assert reason is guarded
         return
+    for _ in range(round(timeout_s / dt_s) - 2):
+        assert reason is None
+        had, reason = guards.watch(limit, had, past, dt_s)
+    held, reason = guards.watch(limit, had, (math.nan,) * len(WATCHED), 100.0)  # what cannot be seen takes nothing back
+    assert (held, reason) == (had, None)
+    drained, reason = guards.watch(limit, had, calm, dt_s)  # and a calm look no more than itself
     assert reason is None
-    since, reason = guards.watch(limit, since, past, 10.0 + 0.9 * timeout_s)
-    assert reason is None
-    _, reason = guards.watch(limit, since, past, 10.001 + timeout_s)
+    assert drained[place] == pytest.approx(had[place] - dt_s)
+    for _ in range(2):
+        assert reason is None
+        drained, reason = guards.watch(limit, drained, past, dt_s)
     assert reason is guarded
-    interrupted, _ = guards.watch(limit, since, calm, 10.0 + 0.95 * timeout_s)  # a break: it starts anew
-    assert interrupted is CLEAR
-    _, reason = guards.watch(limit, interrupted, past, 10.001 + timeout_s)
-    assert reason is None
+    assert guards.watch(limit, had, calm, timeout_s) == (CLEAR, None)
 
 
 def test_at_the_limit_is_within_it_and_what_cannot_be_seen_is_past_nothing() -> None:
@@ -146,16 +152,16 @@ def test_at_the_limit_is_within_it_and_what_cannot_be_seen_is_past_nothing() -> 
     assert guards.watch(limit, CLEAR, limit.limits, 0.0) == (CLEAR, None)
     assert guards.watch(limit, CLEAR, (math.nan,) * len(WATCHED), 0.0) == (CLEAR, None)
     infinite = (math.inf,) * len(WATCHED)
-    assert guards.watch(limit, CLEAR, infinite, 0.0)[1] is Reason.VELOCITY_CONSISTENCY  # the first without a timeout
+    assert guards.watch(limit, CLEAR, infinite, 0.0)[1] is Reason.ESTIMATE_STUCK  # the first without a timeout
 
 
 def test_a_break_of_one_guard_does_not_restart_another() -> None:
     limit = watched("guards.tilt_deg={limit: 40, timeout_s: 1}", "guards.tracking_error_m={limit: 1, timeout_s: 1}")
-    since, _ = guards.watch(limit, CLEAR, seen(tilt=1.0), 0.0)
-    since, _ = guards.watch(limit, since, seen(tilt=1.0, tracking_error=2.0), 0.5)
-    since, reason = guards.watch(limit, since, seen(tracking_error=2.0), 0.9)
+    had, _ = guards.watch(limit, CLEAR, seen(tilt=1.0), 0.5)
+    had, _ = guards.watch(limit, had, seen(tilt=1.0, tracking_error=2.0), 0.4)
+    had, reason = guards.watch(limit, had, seen(tracking_error=2.0), 0.4)
     assert reason is None
-    assert guards.watch(limit, since, seen(tracking_error=2.0), 1.6)[1] is Reason.TRACKING_ERROR
+    assert guards.watch(limit, had, seen(tracking_error=2.0), 0.3)[1] is Reason.TRACKING_ERROR
 
 
 def test_a_guard_switched_off_is_past_nothing() -> None:

@@ -18,7 +18,7 @@ from companion.flight.vehicle_link.estimator_health import EstimatorHealth
 
 CONFIG = Path(__file__).resolve().parents[4] / "config" / "px4_quadrotor.yaml"
 HOVER = Odometry(10.0, 4.0, -2.0, -3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-GOOD = Told(0.0, (0.01, 0.02, 0.03), resets_counted=True, round_trip_s=0.01, jitter_s=0.001)
+GOOD = Told(0.0, (0.01, 0.02, 0.03), resets_counted=True, round_trip_s=0.01, jitter_s=0.001, clock_rate=1.0)
 FENCED = "guards.fence={enabled: true, radius_m: 2}"
 
 
@@ -66,11 +66,43 @@ def test_what_is_told_is_what_is_seen_and_what_is_not_told_is_not_a_number() -> 
     assert flight.seen(Reason.POSITION_VARIANCE) == 0.03
     assert flight.seen(Reason.LINK_DELAY) == 0.01
     assert flight.seen(Reason.LINK_JITTER) == 0.001
-    flight.look(GOOD._replace(variance_ned_m2=(0.2, math.nan, 0.1)))
-    assert flight.seen(Reason.POSITION_VARIANCE) == 0.2
     flight.look(Told())
-    for reason in (Reason.ESTIMATOR_FLAGS, Reason.POSITION_VARIANCE, Reason.LINK_DELAY, Reason.LINK_JITTER):
+    for reason in (Reason.ESTIMATOR_FLAGS, Reason.LINK_DELAY, Reason.LINK_JITTER, Reason.CLOCK_RATE):
         assert math.isnan(flight.seen(reason))
+
+
+def test_a_variance_that_was_told_and_is_no_more_is_an_alarm() -> None:
+    flight = Flight()
+    flight.look(GOOD._replace(variance_ned_m2=(0.2, math.nan, 0.1)))
+    assert flight.seen(Reason.POSITION_VARIANCE) == 0.2, "it was never told whole"
+    flight.look(GOOD)
+    for untold in ((math.nan, 0.1, 0.1), (math.nan,) * 3):
+        flight.look(GOOD._replace(variance_ned_m2=untold))
+        assert flight.seen(Reason.POSITION_VARIANCE) == math.inf
+    assert flight.watch.describe(Reason.POSITION_VARIANCE).endswith("it is not told any more")
+    never = Flight()
+    never.look(Told())
+    assert math.isnan(never.seen(Reason.POSITION_VARIANCE))
+
+
+def test_a_large_variance_with_gaps_in_it_ends_control() -> None:
+    """5 m2 that is no number for 50 ms in each 250: a look without a number takes nothing back."""
+    flight = Flight()
+    flight.look()
+    large = GOOD._replace(variance_ned_m2=(5.0, 5.0, 0.1))
+    unseen = GOOD._replace(variance_ned_m2=(math.nan,) * 3)
+    found = [flight.look(unseen if k % 12 < 3 else large) for k in range(40)]
+    assert Reason.POSITION_VARIANCE in found
+
+
+def test_a_slide_may_be_as_long_as_the_estimator_of_the_config_is_wrong() -> None:
+    limits = [
+        table.limits(load_config(CONFIG, overrides))[Reason.POSITION_SLIDE]
+        for overrides in ((), ("estimator={preset: gps}",), ("estimator={preset: rtk}",),
+                          ("estimator={preset: motion_capture}",), ("guards.position_slide_m.limit=3",))
+    ]  # fmt: skip
+    assert limits[0] == limits[1] == pytest.approx(7.17, abs=0.01)
+    assert limits[2:] == [pytest.approx(2.41, abs=0.01), pytest.approx(0.96, abs=0.01), 3.0]
 
 
 def test_tilt_is_from_the_vertical_and_its_error_from_the_set_point() -> None:
@@ -81,14 +113,14 @@ def test_tilt_is_from_the_vertical_and_its_error_from_the_set_point() -> None:
 
 
 def test_the_fence_is_around_where_control_began_and_a_counted_reset_moves_it_along() -> None:
-    flight = Flight(FENCED, "guards.velocity_consistency_m.enabled=false")
+    flight = Flight(FENCED, "guards.velocity_consistency_m.enabled=false", "guards.estimator_steps_m.enabled=false")
     assert flight.look(x_m=HOVER.x_m + 2.1) is Reason.FENCE
     assert flight.seen(Reason.FENCE) == 1.0
-    moved = Flight(FENCED)
+    moved = Flight(FENCED, "guards.estimator_steps_m.limit=3")
     jump = Jump(1.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(2):
         moved.pilot.reseat(jump)
-        moved.watch.reseat(jump)
+        moved.watch.reseat(jump, HOVER.time_s)
     assert moved.look(x_m=HOVER.x_m + 2.2) is None
     assert moved.seen(Reason.FENCE) == 0.0
     assert moved.seen(Reason.VELOCITY_CONSISTENCY) == pytest.approx(0.0, abs=1e-9)
@@ -130,6 +162,34 @@ def test_too_little_thrust_to_hover_on_average_is_seen_within_seconds() -> None:
     assert Reason.HOVER_THRUST in seen
     assert seen[0] is None
     assert flight.seen(Reason.HOVER_THRUST) == pytest.approx(0.3, abs=0.06)
+
+
+def falling(flight: Flight, lift: float, seconds: float, falls: float) -> list[Reason | None]:
+    """Looks at a vehicle whose thrust carries so much of its weight; `falls`, what of the rest accelerates it."""
+    setpoint = AttitudeSetpoint(1.0, 0.0, 0.0, 0.0, lift * flight.pilot.hover_thrust)
+    down_m_s2 = falls * 9.81 * (1.0 - lift)
+    return [
+        flight.look(setpoint=setpoint, vz_m_s=HOVER.vz_m_s + down_m_s2 * PERIOD_S * k)
+        for k in range(round(seconds / PERIOD_S))
+    ]
+
+
+_CONTACT = tuple(
+    f"guards.{name}.enabled=false" for name in ("velocity_consistency_m", "tracking_error_m", "hover_thrust")
+)
+
+
+@pytest.mark.parametrize("lift", [0.2, 0.45])
+def test_what_does_not_fall_though_little_carries_it_has_landed(lift: float) -> None:
+    seen = falling(Flight(*_CONTACT), lift, 2.0, 0.0)
+    first = next(k for k, reason in enumerate(seen) if reason is not None)
+    assert seen[first] is Reason.LANDED
+    assert 0.5 <= first * PERIOD_S < 1.2
+
+
+@pytest.mark.parametrize("lift", [0.2, 0.45])
+def test_what_falls_has_not(lift: float) -> None:
+    assert Reason.LANDED not in falling(Flight(*_CONTACT), lift, 1.0, 1.0)
 
 
 # --- blindness --------------------------------------------------------------------------------------------------------

@@ -1,0 +1,1 @@
+"""The text of a config, before anything is built of it."""
