@@ -43,6 +43,8 @@ def _differences(recording: Recording) -> list[Floats]:
     if estimate is None or len(estimate.time_s) < 2:
         return []
     spans = recording.following
+    if not len(spans) and recording.in_flight is not None:
+        spans = recording.in_flight
     if recording.track.clock == OURS:  # the estimate's clock is the vehicle's: by the stamps of the attitude
         spans = np.interp(spans, recording.track.attitude_time_s, recording.stamps_s)
     resets_s = estimate.resets_s  # a jump of the position is no error of the velocity

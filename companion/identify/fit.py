@@ -47,6 +47,8 @@ class ModelFit(NamedTuple):
         Root mean square error on manoeuvres that were left out of the fit.
     interval_95
         Lower and upper end of each parameter: 95 % that all of them are inside.
+    covariance, freedom
+        Of the parameters, shape (parameters, parameters), and with how many degrees of freedom it is known.
     """
 
     model: Model
@@ -54,6 +56,8 @@ class ModelFit(NamedTuple):
     fit: float
     prediction_rad: float
     interval_95: tuple[tuple[float, float], ...]
+    covariance: Floats
+    freedom: float
 
     def named(self) -> dict[str, float]:
         """The parameters by name."""
@@ -79,17 +83,20 @@ def fit(model: Model, manoeuvres: Sequence[Manoeuvre]) -> ModelFit:
     """One model, fitted to all manoeuvres and to all but each."""
     values = _solve(model, manoeuvres)
     errors = [error(model, values, m) for m in manoeuvres]
-    sensitivities = [_sensitivity(model, values, m) for m in manoeuvres]
+    sensitivities = [sensitivity(model, values, m) for m in manoeuvres]
     left_out = _without_each(model, values, errors, sensitivities)
     unseen = [error(model, seen, m) for seen, m in zip(left_out, manoeuvres, strict=True)]
     spread = sum(float(m.measured_rad.var()) * len(m.measured_rad) for m in manoeuvres)
-    half = _half_widths(left_out, errors, sensitivities)
+    covariance = _covariance(left_out, errors, sensitivities)
+    half = half_widths(covariance, len(manoeuvres) - 1.0)
     return ModelFit(
         model,
         tuple(float(v) for v in values),
         1.0 - sum(float(e @ e) for e in errors) / spread,
         math.sqrt(sum(float(e @ e) for e in unseen) / sum(len(e) for e in unseen)),
         tuple((max(float(v - h), 0.0), float(v + h)) for v, h in zip(values, half, strict=True)),
+        covariance,
+        len(manoeuvres) - 1.0,
     )
 
 
@@ -140,14 +147,14 @@ def _solve(model: Model, manoeuvres: Sequence[Manoeuvre]) -> Floats:
         return np.concatenate([error(model, values, m) for m in manoeuvres])
 
     def jacobian(values: Floats) -> Floats:
-        return np.concatenate([_sensitivity(model, values, m) for m in manoeuvres])
+        return np.concatenate([sensitivity(model, values, m) for m in manoeuvres])
 
     bounds = (np.array(model.lower), np.array(model.upper))
     start = np.array(model.start)
     return np.asarray(least_squares(residual, start, jacobian, bounds, x_scale=start, xtol=1e-5, ftol=1e-8).x)
 
 
-def _sensitivity(model: Model, values: Floats, manoeuvre: Manoeuvre) -> Floats:
+def sensitivity(model: Model, values: Floats, manoeuvre: Manoeuvre) -> Floats:
     """Derivative of `error` by each parameter, shape (m, parameters), by central differences."""
     columns = []
     for k, step in enumerate(_STEP * np.array(model.start)):
@@ -167,14 +174,27 @@ def _without_each(model: Model, values: Floats, errors: Sequence[Floats], sensit
     return np.asarray(np.clip(values - np.array(steps), model.lower, model.upper))
 
 
-def _half_widths(left_out: Floats, errors: Sequence[Floats], sensitivities: Sequence[Floats]) -> Floats:
-    """Half of each parameter's share of the 95 % box, shape (parameters,), from the fits that leave one manoeuvre out.
+def _covariance(left_out: Floats, errors: Sequence[Floats], sensitivities: Sequence[Floats]) -> Floats:
+    """Of the parameters, shape (parameters, parameters), from the fits that leave one manoeuvre out.
 
     Never narrower than the residual's size alone allows: a few manoeuvres may agree by chance.
     """
     n, parameters = left_out.shape
     repeated = (n - 1) / n * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0)
     variance = sum(float(e @ e) for e in errors) / max(sum(len(e) for e in errors) - parameters - n, 1)
-    least = variance * np.diag(np.linalg.pinv(np.sum([s.T @ s for s in sensitivities], axis=0)))
-    quantile = float(student.ppf(1.0 - 0.5 * (1.0 - CONFIDENCE) / parameters, n - 1))
-    return np.asarray(quantile * np.sqrt(np.maximum(repeated, least)))
+    return widened(variance * np.linalg.pinv(np.sum([s.T @ s for s in sensitivities], axis=0)), repeated)
+
+
+def widened(informed: Floats, repeated: Floats) -> Floats:
+    """A covariance with variances no less than `repeated`, shape (n,), and its correlations as they were.
+
+    The correlations are those of the information: few repetitions do not tell them.
+    """
+    grown = np.sqrt(np.maximum(repeated / np.maximum(np.diag(informed), np.finfo(float).tiny), 1.0))
+    return np.asarray(informed * np.outer(grown, grown))
+
+
+def half_widths(covariance: Floats, freedom: float) -> Floats:
+    """Half of each parameter's share of the 95 % box (Bonferroni), shape (parameters,)."""
+    quantile = float(student.ppf(1.0 - 0.5 * (1.0 - CONFIDENCE) / len(covariance), freedom))
+    return np.asarray(quantile * np.sqrt(np.diag(covariance)))

@@ -11,15 +11,18 @@ from scipy.stats import t as student
 
 from companion.config.estimator import VelocityError
 from companion.identify import clock
+from companion.identify.any_flight.information import by_information
 from companion.identify.estimator import velocity_error
 from companion.identify.fit import CONFIDENCE, ModelFit, choose, fit_all, fit_delay, gain, opposed
 from companion.identify.logs import read_log
-from companion.identify.manoeuvres import FLY, Manoeuvre, cut, find, select
+from companion.identify.manoeuvres import FLY, Manoeuvre, TooFewManoeuvresError, cut, find, select
 from companion.identify.reading.tuning import in_force
 from companion.identify.series import AXES, OURS, ClockMap, LogError, Recording
 
 LEAST_FIT: Final = 0.9
 GAIN: Final = (0.8, 1.25)
+MANOEUVRES: Final = "manoeuvres"
+PREDICTION: Final = "prediction_error"
 
 
 class DelaySplit(NamedTuple):
@@ -53,13 +56,16 @@ class AxisIdentification(NamedTuple):
     gain
         Slope of measured over modelled angle.
     manoeuvres
-        What was fitted.
+        What was fitted: doublets, or stretches of any flight.
     delay
         None where no log tells the link's share.
     lateness_s
         How much longer the delay may be than the log shows, see `Recording.lateness_s`.
     gains
         Parameters of the attitude loop in force at the manoeuvres.
+    method
+        `MANOEUVRES`: least squares on clean doublets, intervals by their repetition (`fit`). `PREDICTION`: any flight,
+        with a model of what disturbs it (`prediction_error`).
     """
 
     chosen: ModelFit
@@ -68,6 +74,7 @@ class AxisIdentification(NamedTuple):
     manoeuvres: list[Manoeuvre]
     delay: DelaySplit | None
     lateness_s: float
+    method: str
     gains: dict[str, float] = {}  # noqa: RUF012 - never changed
 
 
@@ -136,7 +143,7 @@ def identify(recordings: Sequence[Recording]) -> Identification:
     refused: dict[str, str] = {}
     for axis in AXES:
         try:
-            axes[axis] = _identify(axis, [m for by_axis in found for m in by_axis[axis]], views, where)
+            axes[axis] = _identify(axis, [m for by_axis in found for m in by_axis[axis]], fitted, views, where)
         except LogError as error:
             refused[axis] = f"{error}{also}"
     if not axes:
@@ -188,30 +195,47 @@ def _pair(recordings: Sequence[Recording]) -> tuple[list[Recording], _Views]:
     return ours or vehicles, views
 
 
-def _identify(axis: str, manoeuvres: list[Manoeuvre], views: _Views, where: str) -> AxisIdentification:
-    kept = select(axis, manoeuvres, where)
-    gains = in_force(axis, [(m.recording, m.start_s, m.end_s) for m in kept], views)
-    if opposed(kept):
+def _identify(
+    axis: str, manoeuvres: list[Manoeuvre], recordings: list[Recording], views: _Views, where: str
+) -> AxisIdentification:
+    """By clean doublets where there are enough of them, else by all that was flown."""
+    try:
+        kept = select(axis, manoeuvres, where)
+    except TooFewManoeuvresError as error:
+        chosen, models, pieces = by_information(axis, recordings, where, str(error))
+        slope = _checked(axis, chosen, pieces, where)
+        return AxisIdentification(chosen, models, slope, pieces, None, 0.0, PREDICTION, _in_force(axis, pieces, views))
+    gains = _in_force(axis, kept, views)
+    models = fit_all(kept)
+    chosen = choose(models)
+    slope = _checked(axis, chosen, kept, where)
+    if chosen.fit < LEAST_FIT:
+        raise LogError(
+            f"{where}: no model explains {axis} (fit {chosen.fit:.2f} of at least {LEAST_FIT}): it is disturbed or "
+            f"saturated: {FLY.format(axis)}, in calm air"
+        )
+    lateness = max(m.recording.lateness_s for m in kept)
+    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness, MANOEUVRES, gains)
+
+
+def _in_force(axis: str, fitted: list[Manoeuvre], views: _Views) -> dict[str, float]:
+    return in_force(axis, [(m.recording, m.start_s, m.end_s) for m in fitted], views)
+
+
+def _checked(axis: str, chosen: ModelFit, fitted: list[Manoeuvre], where: str) -> float:
+    """The gain. Raises `LogError` where the attitude does not go where it is told."""
+    if opposed(fitted):
         raise LogError(
             f"{where}: wrong sign: {axis} goes against its set-point: check the frames of both (body forward-right-"
             "down, local north-east-down) before you fly again"
         )
-    models = fit_all(kept)
-    chosen = choose(models)
-    slope = gain(chosen.model, chosen.values, kept)
-    fly = FLY.format(axis)
+    slope = gain(chosen.model, chosen.values, fitted)
     if not GAIN[0] <= slope <= GAIN[1]:
         raise LogError(
             f"{where}: saturated: {axis} goes {100 * slope:.0f} % of its set-point, so a limit cuts it or it is not "
-            f"what the vehicle follows: {fly}, smaller"
+            f"what the vehicle follows: {FLY.format(axis)}, smaller"
         )
-    if chosen.fit < LEAST_FIT:
-        raise LogError(
-            f"{where}: no model explains {axis} (fit {chosen.fit:.2f} of at least {LEAST_FIT}): it is disturbed or "
-            f"saturated: {fly}, in calm air"
-        )
-    lateness = max(m.recording.lateness_s for m in kept)
-    return AxisIdentification(chosen, models, slope, kept, _split(chosen, kept, views), lateness, gains)
+    return slope
 
 
 def _split(chosen: ModelFit, manoeuvres: list[Manoeuvre], views: _Views) -> DelaySplit | None:

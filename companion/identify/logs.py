@@ -117,7 +117,7 @@ def _checked(recording: Recording, system_id: int | None) -> Recording:
         raise LogError(f"{path}: wrong vehicle: a log of system {recording.system_id}, wanted is {system_id}")
     if len(track.setpoint_time_s) < 2 or len(track.attitude_time_s) < 2:
         raise LogError(f"{path}: no set-points or no attitude to speak of: fly doublets in OFFBOARD")
-    if not len(recording.following):
+    if not len(recording.following) and (recording.in_flight is None or not len(recording.in_flight)):
         raise LogError(
             f"{path}: the vehicle was never armed in a mode that follows attitude set-points: fly doublets in OFFBOARD"
         )

@@ -26,11 +26,15 @@ _LONGEST_S: Final = 8.0  # a longer one, a chirp, is cut in pieces
 _PIECE_S: Final = 4.0
 _COMPARABLE: Final = 0.5  # of the strongest manoeuvre's standard deviation
 _HISTORY_S: Final = 4.0  # of set-points before it, so that the model starts in the vehicle's state
-_GAP_S: Final = {"set-points": 0.5, "attitude": 0.25}
-_SATURATED_SHARE: Final = 0.05
+GAP_S: Final = {"set-points": 0.5, "attitude": 0.25}
+SATURATED_SHARE: Final = 0.05
 _SAMPLES: Final = 40
 
 FLY: Final = "fly at least three doublets of 5 to 10 deg and 3 s in {}, one axis at a time with pauses between them"
+
+
+class TooFewManoeuvresError(LogError):
+    """Too few clean manoeuvres to fit by their repetition."""
 
 
 class Manoeuvre(NamedTuple):
@@ -91,8 +95,10 @@ def select(axis: str, manoeuvres: list[Manoeuvre], where: str) -> list[Manoeuvre
 
     Raises
     ------
+    TooFewManoeuvresError
+        For too few of them; the message says what to fly instead.
     LogError
-        For too few of them, or a saturated one; the message says what to fly instead.
+        For a saturated one; likewise.
     """
     fly = FLY.format(axis)
     sampled = [m for m in manoeuvres if len(m.time_s) >= _SAMPLES]
@@ -100,7 +106,7 @@ def select(axis: str, manoeuvres: list[Manoeuvre], where: str) -> list[Manoeuvre
     kept = [m for m in sampled if _spread(m) >= max(_COMPARABLE * strongest, AMPLITUDE_RAD)]
     if len(kept) < FEWEST:
         count = f"{len(kept)} manoeuvre{'s' if len(kept) > 1 else ''} of {FEWEST}" if kept else "no manoeuvre"
-        raise LogError(f"{where}: too little excitation in {axis}, {count}: {fly}")
+        raise TooFewManoeuvresError(f"{where}: too little excitation in {axis}, {count}: {fly}")
     largest = max(float(np.abs(m.setpoint_rad[m.setpoint_time_s >= m.start_s]).max(initial=0.0)) for m in kept)
     if largest > LARGEST_RAD:
         raise LogError(
@@ -108,7 +114,7 @@ def select(axis: str, manoeuvres: list[Manoeuvre], where: str) -> list[Manoeuvre
             f"{np.degrees(LARGEST_RAD):.0f} deg the attitude loop is not linear: {fly}"
         )
     for m in kept:
-        if _saturated_share(m.recording, m.start_s, m.end_s) > _SATURATED_SHARE:
+        if saturated_share(m.recording, m.start_s, m.end_s) > SATURATED_SHARE:
             raise LogError(
                 f"{m.recording.path}: saturated: thrust or an actuator is at its limit between {m.start_s:.1f} and "
                 f"{m.end_s:.1f} s: {fly}, around hover"
@@ -199,7 +205,7 @@ def _spread(manoeuvre: Manoeuvre) -> float:
     return float(manoeuvre.setpoint_rad[np.maximum(at, 0)].std())
 
 
-def _saturated_share(recording: Recording, start_s: float, end_s: float) -> float:
+def saturated_share(recording: Recording, start_s: float, end_s: float) -> float:
     """Seconds of a manoeuvre with a limit reported in them, over all of them."""
     inside = (recording.saturated_s >= start_s) & (recording.saturated_s < end_s)
     return len(np.unique((recording.saturated_s[inside] * 5).astype(int))) / max((end_s - start_s) * 5, 1.0)
@@ -217,7 +223,7 @@ def _check_gaps(recording: Recording, start_s: float, end_s: float) -> None:
         for a, b in inside:
             within = time_s[(time_s >= a) & (time_s <= b)]
             steps = np.diff(np.concatenate([[a], within, [b]])) if len(within) else np.array([b - a])
-            if steps.max() > _GAP_S[what]:
+            if steps.max() > GAP_S[what]:
                 at = np.concatenate([[a], within])[int(np.argmax(steps))]
                 where = "our clock, from the first record" if track.clock == OURS else "vehicle's clock"
                 raise LogError(

@@ -34,7 +34,7 @@ def plot(identification: Identification, path: Path) -> None:
             panel.set_visible(False)
         row[0].set_ylabel(f"{name} (deg)")
     for panel in panels[-1]:
-        panel.set_xlabel("time in the manoeuvre (s)")
+        panel.set_xlabel("time from its start (s)")
     figure.suptitle(_title(identification), fontsize=11)
     handles, labels = panels[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
@@ -45,7 +45,7 @@ def _title(identification: Identification) -> str:
     worst = min(axis.chosen.fit for axis in identification.axes.values())
     titles = sorted({axis.chosen.model.title for axis in identification.axes.values()})
     names = ", ".join(path.name for path in identification.paths)
-    return f"A {' / '.join(titles)} follows every manoeuvre: fit at least {worst:.3f}  ({names})"
+    return f"A {' / '.join(titles)} follows what was flown: fit at least {worst:.3f}  ({names})"
 
 
 def _draw(panel: Any, axis: AxisIdentification, manoeuvre: Manoeuvre) -> None:

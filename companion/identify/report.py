@@ -11,7 +11,7 @@ from rich.table import Table
 
 from companion.attitude_response.kinds import MODELS
 from companion.identify.fit import ModelFit
-from companion.identify.identification import AxisIdentification, Identification
+from companion.identify.identification import MANOEUVRES, AxisIdentification, Identification
 from companion.identify.series import OURS
 
 _COLUMNS: Final = {"rad/s": (" rad/s", 1.0, 2, 2), "1": ("", 1.0, 2, 2), "s": (" ms", 1e3, 1, 0)}
@@ -27,6 +27,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "chosen": axis.chosen.model.name,
             "models": {model: {**fit.named(), "fit": fit.fit} for model, fit in axis.models.items()},
             "interval_95": {key: list(ends) for key, ends in axis.chosen.intervals().items()},
+            "method": axis.method,
             "manoeuvres": len(axis.manoeuvres),
             "gain": axis.gain,
             "setpoint_lateness_s": axis.lateness_s,
@@ -42,6 +43,15 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "px4_version": identification.px4_version,
         "warnings": warnings(identification),
     }
+
+
+def fitted(axis: AxisIdentification) -> str:
+    """What was fitted, in words."""
+    number = len(axis.manoeuvres)
+    if axis.method == MANOEUVRES:
+        return f"{number} manoeuvres"
+    flown_s = sum(m.end_s - m.start_s for m in axis.manoeuvres)
+    return f"{number} stretches of any flight, {flown_s:.0f} s"
 
 
 def warnings(identification: Identification) -> list[str]:
@@ -65,6 +75,8 @@ def show(identification: Identification, console: Console) -> None:
     what = "set-point sent to attitude received, our clock" if ours else "set-point logged to attitude, vehicle's clock"
     console.print(f"delay: {what}")
     console.print("fit: R², 1 - |error|² / |motion|²; unseen: error on one left out")
+    if any(axis.method != MANOEUVRES for axis in identification.axes.values()):
+        console.print("stretches: fitted with a model of what disturbs them, which is in their error too")
     for name, axis in identification.axes.items():
         if axis.delay is not None:
             total, own, link, low, high = (1e3 * v for v in (*axis.delay[:3], *axis.delay.link_95_s))
@@ -79,7 +91,7 @@ def show(identification: Identification, console: Console) -> None:
 
 
 def _table(name: str, axis: AxisIdentification) -> Table:
-    title = f"{name}, {len(axis.manoeuvres)} manoeuvres; below each value its interval (95 %, all together)"
+    title = f"{name}, {fitted(axis)}; below each value its interval (95 %, all together)"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)
     for heading in (*map(_heading, _COLUMNS), "fit", "unseen °"):

@@ -93,7 +93,8 @@ class Recording(NamedTuple):
     track
         Set-points and attitude in the log's first clock: ours where it has it, else the vehicle's.
     following
-        Shape (k, 2): from when to when the vehicle was armed and followed attitude set-points, s in the track's clock.
+        Shape (k, 2): from when to when the vehicle was armed and followed a stream of attitude set-points (OFFBOARD), s
+        in the track's clock.
     setpoint_q
         Shape (n, 4), float32: the set-points as quaternions, by which the same flight is recognised in another log.
     lateness_s

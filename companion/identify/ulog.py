@@ -58,7 +58,7 @@ def read(path: Path) -> Recording:
     setpoint_s, setpoint_q, _ = log.rotations(_SETPOINT, "q_d")
     followed = ulog_state.followed(path, log, float(time_s[-1]))
     pauses = intersect(covered(time_s), covered(setpoint_s)) if len(setpoint_s) else np.empty((0, 2))
-    from_outside = intersect(followed.from_outside, pauses)
+    streamed = intersect(followed.streamed, pauses)
     changes = _tuning(file, time_s, places)
     saturated = _saturated(log, notes)
     return Recording(
@@ -66,13 +66,13 @@ def read(path: Path) -> Recording:
         "ULog",
         _system_id(log, file),
         Track(VEHICLE, setpoint_s, angles(setpoint_q), time_s, angles(q)),
-        from_outside,
+        streamed,
         setpoint_q.astype(np.float32),
         float(np.median(np.diff(setpoint_s))) if len(setpoint_s) > 1 else 0.0,
         saturated,
         time_s,
         None,
-        tuning.at(changes, float(from_outside[0, 0]) if len(from_outside) else np.inf),
+        tuning.at(changes, float(streamed[0, 0]) if len(streamed) else np.inf),
         _estimate(log),
         _px4_version(file),
         intersect(followed.in_flight, pauses),

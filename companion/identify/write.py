@@ -14,6 +14,7 @@ from companion.config.edit import KeyPath, edited, flow
 from companion.config.numbers import NOT_YAML, read_yaml
 from companion.config.vehicles import ANGLES
 from companion.identify.identification import AxisIdentification, Identification
+from companion.identify.report import fitted
 
 _KEPT: Final = "pade_order"  # of a response: how the certificate takes the delay, not what it is
 _DIGITS: Final = 4
@@ -45,9 +46,7 @@ def note(identification: Identification, axis: AxisIdentification) -> str:
     names = ", ".join(path.name for path in identification.paths)
     late = f", delay up to {1e3 * axis.lateness_s:.0f} ms more" if axis.lateness_s else ""
     chosen = axis.chosen
-    return (
-        f"identified from {names}: {chosen.model.title}, {len(axis.manoeuvres)} manoeuvres, fit {chosen.fit:.4f}{late}"
-    )
+    return f"identified from {names}: {chosen.model.title}, {fitted(axis)}, fit {chosen.fit:.4f}{late}"
 
 
 def write(path: Path, identification: Identification) -> None:

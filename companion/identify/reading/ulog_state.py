@@ -50,15 +50,12 @@ class Followed(NamedTuple):
     ----------
     streamed
         They came over the link.
-    from_outside
-        They came over the link or from the sticks.
     in_flight
         Off the ground, whoever made them, the vehicle's own position controller too; not while PX4 tunes itself, which
         adds rates to what the attitude loop wants. Empty where the log does not tell what is on the ground.
     """
 
     streamed: Floats
-    from_outside: Floats
     in_flight: Floats
 
 
@@ -98,8 +95,8 @@ def followed(path: Path, log: UlogTopics, end_s: float) -> Followed:
     if control is not None:
         sticks = intersect(sticks, spans(control.time_s, control.by_attitude, end_s))
         own = intersect(own, spans(control.time_s, control.by_position, end_s))
-    outside_s, every = (_union(spans_s, healthy) for spans_s in ((by_attitude, sticks), (by_attitude, sticks, own)))
-    return Followed(intersect(by_attitude, healthy), outside_s, intersect(every, _off_ground(log, end_s)))
+    every = _union((by_attitude, sticks, own), healthy)
+    return Followed(intersect(by_attitude, healthy), intersect(every, _off_ground(log, end_s)))
 
 
 def _off_ground(log: UlogTopics, end_s: float) -> Floats:

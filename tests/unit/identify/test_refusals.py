@@ -209,7 +209,7 @@ def test_files_that_are_no_logs(cut: Cut, tmp_path: Path, capsys: pytest.Capture
         "cut in its flags": (ulog[:23], r"truncated: nothing whole is behind its header"),
         "a quarter of a ulog": (
             ulog[: len(ulog) // 4 + 1],
-            rf"too little excitation.*{FLY}.* \(\S+: the end is cut at byte \d+ of \d+ ",
+            rf"(too little excitation|not enough information).*{FLY}.* \(\S+: the end is cut at byte \d+ of \d+ ",
         ),
         "damaged ulog": (
             ulog[:4_000] + bytes(len(ulog) - 8_000) + ulog[-4_000:],
@@ -218,7 +218,7 @@ def test_files_that_are_no_logs(cut: Cut, tmp_path: Path, capsys: pytest.Capture
         "newer ulog": (_flagged(ulog), r"not a readable ULog: its flags say that it is of a newer format"),
         "a quarter of a tlog": (
             traffic[: len(traffic) // 4 + 3],
-            rf"too little excitation.*{FLY}.* \(\S+: the end is cut at byte \d+ of \d+ ",
+            rf"(too little excitation|not enough information).*{FLY}.* \(\S+: the end is cut at byte \d+ of \d+ ",
         ),
         "tlog header": (traffic[:9], r"truncated: no whole record in its 9 bytes"),
     }

@@ -1,0 +1,1 @@
+"""Two identifications of one vehicle beside each other."""
