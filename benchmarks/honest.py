@@ -2,7 +2,7 @@
 
 python benchmarks/honest.py [--flights N] [--first SEED] [-j WORKERS]
 
-Each flies the mission of `config/px4_quadrotor_gps.yaml` for 60 s on the plant, under one of the estimators of
+Each flies the mission of `config/px4_quadrotor.yaml` for 60 s on the plant, under one of the estimators of
 `sitl/world/navigation_error.py` in turn, in wind of a random strength and direction with gusts and turbulence, up to
 20 % too heavy. Controller and guards are those of the flight process, fed by the plant directly: without MAVLink,
 without a log. Printed are the releases by reason, and of each guard on the estimate the largest value seen, over its
@@ -34,7 +34,7 @@ from sitl.autopilot.modes import FlightMode
 from sitl.build import World, build_world
 from sitl.world.navigation_error import PRESETS
 
-CONFIG: Final = Path(__file__).resolve().parents[1] / "config" / "px4_quadrotor_gps.yaml"
+CONFIG: Final = Path(__file__).resolve().parents[1] / "config" / "px4_quadrotor.yaml"
 WATCHING: Final = (  # the estimate
     Reason.ESTIMATE_STUCK,
     Reason.VELOCITY_CONSISTENCY,

@@ -2,7 +2,7 @@
 
 python benchmarks/lies.py [--flights N] [--select PATTERN] [-j WORKERS]
 
-`config/px4_quadrotor_gps.yaml` flies a step of half a metre within a fence of 2 m; after 3 s the lie begins, and the
+`config/px4_quadrotor.yaml` flies a step of half a metre within a fence of 2 m; after 3 s the lie begins, and the
 flight goes on for 25 s or until a guard ends it. Plant and companion are one program, in lockstep. Printed is a line a
 flight: why control ended, how long the lie was flown, and how far the vehicle truly went in control. Exit code 1 where
 one went farther than 3 m beyond the fence and is not on the list of what cannot be seen (`docs/safety.md`).
@@ -33,7 +33,7 @@ from sitl.world.lies import QUANTITIES, Kind
 from sitl.world.wind import Gust
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-BASE: Final = "px4_quadrotor_gps.yaml"
+BASE: Final = "px4_quadrotor.yaml"
 FENCE_M: Final = 2.0
 BEYOND_M: Final = 3.0
 BEGINS_S: Final = 3.0

@@ -18,7 +18,7 @@ from companion.record.folder import open_folder
 from companion.record.reader import read_flight
 from sitl.build import World, build_world
 from sitl.scenarios.run import ScenarioRun
-from sitl.scenarios.scenario import Flown, Scenario
+from sitl.scenarios.scenario import BY_A_TRUE_ESTIMATE, Flown, Scenario
 from sitl.scenarios.settled import settled_world
 from sitl.scenarios.verdict import problems, worst_error_m
 from sitl.scenarios.watched_link import WatchedLink
@@ -54,7 +54,7 @@ def fly(scenario: Scenario, bases: Bases, folder: Path, *, sockets: bool = False
     found: list[str] = []
     try:
         path = bases.paths[scenario.base]
-        config = load_config(path, (*scenario.overrides, *bases.overrides))
+        config = load_config(path, (*BY_A_TRUE_ESTIMATE[scenario.base], *scenario.overrides, *bases.overrides))
         summary, run, complaint = _fly(scenario, config, path, folder, sockets=sockets)
         flight = read_flight(folder)
         reason, error = summary.reason.value, worst_error_m(config, flight)

@@ -26,7 +26,7 @@ LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 
 def plant() -> tuple[Autopilot, MemoryClient]:
     """The shipped quadrotor on the ground, and a companion on its link, which has said something."""
-    pilot = build_world(load_config(PX4)).autopilot
+    pilot = build_world(load_config(PX4, ("plant.sensors=null",))).autopilot
     (companion,) = clients(pilot, (Profile.ONBOARD, 191))
     companion.heartbeat()
     companion.command(511, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20_000)

@@ -17,7 +17,7 @@ from companion.trajectory.curves import Circle
 from sitl.experiment.against import PathScores, fly_against
 
 CONFIG = ROOT / "config" / "trajectories.yaml"
-GPS_ADAPTATION = (  # of config/px4_quadrotor_gps.yaml
+GPS_ADAPTATION = (  # of config/px4_quadrotor.yaml
     "controller.axes.x.lyapunov_q=[1, 0.07]", "controller.axes.y.lyapunov_q=[1, 0.07]",
     "controller.bias.adaptation_rate.hedged=9.9",
 )  # fmt: skip

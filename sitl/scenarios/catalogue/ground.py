@@ -87,7 +87,10 @@ GROUND: Final = (
         overrides=(
             *_DOWN,
             _NOISE,
-            *(f"guards.{name}.enabled=false" for name in ("ground_contact", "thrust_saturation", "hover_thrust")),
+            *(
+                f"guards.{name}.enabled=false"
+                for name in ("ground_contact", "unexplained_motion_m_s", "thrust_saturation", "hover_thrust")
+            ),
         ),
     ),
 )

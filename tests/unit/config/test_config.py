@@ -45,7 +45,6 @@ def test_the_shipped_files_load() -> None:
         "paper_quadrotor.yaml",
         "px4_quadrotor.yaml",
         "px4_quadrotor_1_18.yaml",
-        "px4_quadrotor_gps.yaml",
         "trajectories.yaml",
     ]
     assert sorted(path.name for path in SHIPPED.glob("*.yaml")) == names

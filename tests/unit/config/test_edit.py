@@ -80,7 +80,6 @@ def test_only_the_lines_of_the_value_change(path: tuple[str, ...], value: str) -
         "paper_quadrotor.yaml",
         "px4_quadrotor.yaml",
         "px4_quadrotor_1_18.yaml",
-        "px4_quadrotor_gps.yaml",
         "trajectories.yaml",
     ],
 )

@@ -17,8 +17,9 @@ from companion.record import schema
 from companion.record.reader import tick_dtype
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
-PX4, RIG = load_config(SHIPPED / "px4_quadrotor.yaml"), load_config(SHIPPED / "antx_rig.yaml")
-HOLD = load_config(SHIPPED / "px4_quadrotor.yaml", ("mission.waypoints=[]",))
+UNCORRECTED = "controller.estimate_correction=null"
+PX4, RIG = load_config(SHIPPED / "px4_quadrotor.yaml", (UNCORRECTED,)), load_config(SHIPPED / "antx_rig.yaml")
+HOLD = load_config(SHIPPED / "px4_quadrotor.yaml", ("mission.waypoints=[]", UNCORRECTED))
 NONE = Jump(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

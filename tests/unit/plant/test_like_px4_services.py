@@ -31,7 +31,7 @@ ACCEPTED, REJECTED = Result.ACCEPTED, Result.TEMPORARILY_REJECTED
 
 def plant() -> tuple[Autopilot, MemoryClient, MemoryClient]:
     """An autopilot in Hold in the air, a companion on its link and a ground station on the other."""
-    pilot = build_world(load_config(PX4)).autopilot
+    pilot = build_world(load_config(PX4, ("plant.sensors=null",))).autopilot
     pilot.start_in_air(5.0)
     companion, station = clients(pilot, (Profile.ONBOARD, 191), (Profile.GROUND_STATION, 190))
     companion.heartbeat()
@@ -76,7 +76,7 @@ def test_a_mode_that_is_none_changes_none() -> None:
 
 
 def test_calibration_is_accepted_on_the_ground() -> None:
-    pilot = build_world(load_config(PX4)).autopilot
+    pilot = build_world(load_config(PX4, ("plant.sensors=null",))).autopilot
     (companion,) = clients(pilot, (Profile.ONBOARD, 191))
     assert answers(companion, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION) == [ACCEPTED]
 
@@ -188,7 +188,7 @@ def log_data(companion: MemoryClient, number: int, offset: int, count: int) -> l
 
 
 def test_the_log_being_written_is_listed_grows_and_moves_the_others() -> None:
-    pilot = build_world(load_config(PX4)).autopilot
+    pilot = build_world(load_config(PX4, ("plant.sensors=null",))).autopilot
     assert isinstance(pilot.vehicle, Quadrotor)
     (companion,) = clients(pilot, (Profile.ONBOARD, 191))
     companion.command(ARM, 1)

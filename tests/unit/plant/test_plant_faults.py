@@ -46,7 +46,7 @@ def told(pilot: Autopilot, name: str) -> object:
 
 
 def world(*overrides: str, complete: bool = False):
-    return build_world(load_config(CONFIG, overrides), complete=complete)
+    return build_world(load_config(CONFIG, ("plant.sensors=null", *overrides)), complete=complete)
 
 
 # --- a start in the air -----------------------------------------------------------------------------------------------

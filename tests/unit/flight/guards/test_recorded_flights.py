@@ -22,7 +22,7 @@ from companion.mavlink.codec import Frame
 ROOT = Path(__file__).resolve().parents[4]
 DATA = ROOT / "tests" / "data"
 FULL = ROOT.parent / "shared" / "data"
-LIMITS = table.limits(load_config(ROOT / "config" / "px4_quadrotor_gps.yaml", ()))
+LIMITS = table.limits(load_config(ROOT / "config" / "px4_quadrotor.yaml", ()))
 UNKNOWN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, -1.0)
 
