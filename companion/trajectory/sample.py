@@ -52,9 +52,9 @@ class Sample(NamedTuple):
         return 1e-3 * (((self.stamp_ms - before.stamp_ms + (1 << 31)) & 0xFFFFFFFF) - (1 << 31))
 
     def repeats(self, before: Sample) -> bool:
-        """Whether it says of a place in motion what was said of it before: a client that sends again what it has."""
-        same = self[1:7] == before[1:7] and (self[7:10] == before[7:10] or not (self.accelerates or before.accelerates))
-        return same and self.speed_m_s > 0.0
+        """Whether it says what was said before: a client that sends again what it has."""
+        same = self[1:7] == before[1:7]
+        return same and (self[7:10] == before[7:10] or not (self.accelerates or before.accelerates))
 
 
 def asks_for_too_much(sample: Sample, limits: Limits) -> str | None:

@@ -58,6 +58,7 @@ class Streamed:
         self._limits = limits
         self._timeout_s, self._late_s = timeout_s, late_s
         self._newest: Sample | None = None
+        self._resent = False  # it says what the one before it did
         self._heard_s = self._valid_s = self._blend_s = 0.0
         self._slopes: tuple[float, tuple[float, float, float]] | None = None  # over how long, and what
         self._motion: tuple[Motion, Motion, Motion] = ((0.0,) * 5,) * 3
@@ -78,12 +79,15 @@ class Streamed:
         what there was between a sample's time stamp and its arrival, give or take the drift of clocks.
         """
         before = self._newest
-        if before is not None and sample.repeats(before):
+        repeats = before is not None and sample.repeats(before)
+        if repeats and sample.speed_m_s > 0.0:  # which is not where it would be by now
             return None
         follows = self.phase is Phase.FOLLOWED and before is not None
         valid_s, passed_s = heard_s, 0.0
         if follows and before is not None:
             passed_s = sample.since_s(before)
+            if passed_s < LEAST_S and (repeats or (self._resent and passed_s >= 0.0)):
+                return None  # MAVSDK says the first one twice, and by its own timer what has just been replaced
             if passed_s <= 0.0:
                 return "time_boot_ms is not later"
             if passed_s < LEAST_S:
@@ -106,6 +110,7 @@ class Streamed:
         self._motion = self._moves(sample, before if follows else None, passed_s)
         self._turn_to(sample, before if follows else None, passed_s, flown.yaw_rad)
         self.phase, self._brake = Phase.FOLLOWED, None
+        self._resent = repeats
         self._newest, self._heard_s, self._valid_s = sample, heard_s, valid_s
         self._work_off(flown, now_s)
         return None

@@ -66,7 +66,7 @@ class Pilot:
         self._reference: Reference | None = None  # of the last tick
         self._hover = config.vehicle.hover_thrust
         self._lift = 1.0  # what it hovers at over that
-        self._sample: Odometry | None = None  # of the last tick
+        self._sample: Odometry | None = None  # of the last tick, or at which control began
         self._since_s = 0.0
         self.origin = self.target = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self.last: position.PositionOutput | None = None
@@ -113,6 +113,7 @@ class Pilot:
         if self.stream is not None:
             self.stream.forget()
         self._since_s = sample.time_s
+        self._sample = sample
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
         self._control = position.engage(self._params, sample, yaw, *self._weights, hover, lift)
 

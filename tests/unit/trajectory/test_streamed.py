@@ -242,6 +242,18 @@ def test_a_planner_that_stands_still_goes_on_streaming() -> None:
     assert streamed.phase is Phase.FOLLOWED
 
 
+def test_what_mavsdk_sends_twice_is_no_flood() -> None:
+    """Of a place at rest: its first sample twice within a millisecond, later its old one right before its new one."""
+    streamed, rest_ = stream(), {"vx_m_s": 0.0}
+    for ms in (0, 1, 50, 100):
+        assert streamed.take(moving(0.0, stamp_ms=ms, **rest_), 1e-3 * ms, HERE, 1e-3 * ms) is None
+    assert streamed.take(moving(0.0, stamp_ms=101, **rest_)._replace(vx_m_s=0.02), 0.101, HERE, 0.1) is None
+    assert streamed.at(0.1) == streamed.at(0.15)  # dropped, and the next is in time
+    slow = moving(0.0, stamp_ms=150, vx_m_s=0.02, x_m=1.0005, ax_m_s2=0.2)
+    assert streamed.take(slow, 0.15, HERE, 0.1) is None
+    assert streamed.take(slow._replace(stamp_ms=155, x_m=1.0006), 0.155, HERE, 0.15) == "5 ms after the last, least 10"
+
+
 def test_after_a_pause_it_goes_on_from_where_the_vehicle_has_come_to_rest() -> None:
     streamed, now_s = followed()
     later_s = now_s + 3.0
