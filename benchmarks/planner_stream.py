@@ -36,6 +36,7 @@ from sitl.wire.wire import Channels
 CONFIG: Final = Path(__file__).resolve().parents[1] / "config" / "trajectories.yaml"
 PLANNER: Final = (250, 190)
 _CLOCK_MS: Final = 123_456_789  # of the planner, where the vehicle's is zero
+_STEP_US: Final = 4000
 _MASK: Final = 0xC00  # neither yaw nor yaw rate
 _NO_ACCELERATION: Final = 0x1C0
 _FENCE: Final = "{enabled: true, radius_m: 9, lower_ned_m: [-9, -9, -4], upper_ned_m: [9, 9, 4]}"
@@ -75,22 +76,23 @@ class Planner:
                 self._next_us = now_us
             if now_us >= self._next_us:
                 self._next_us += round(1e6 / options.rate)
-                elapsed_s = 1e-6 * (now_us - watch.engaged_us)
+                at_us = now_us - self._random.randrange(_STEP_US)  # its clock knows nothing of the plant's steps
+                elapsed_s = max(1e-6 * (at_us - watch.engaged_us), 0.0)
                 if self._random.random() >= options.loss and not self._mission.over(elapsed_s):
                     late_us = round(1e6 * options.jitter * self._random.random())
-                    self._due.append((now_us + late_us, self._sample(elapsed_s, now_us)))
+                    self._due.append((now_us + late_us, self._sample(elapsed_s, at_us)))
         for due in sorted(self._due):
             if due[0] <= now_us:
                 self._due.remove(due)
                 self._channels.down.put(due[1], now_us)
 
-    def _sample(self, elapsed_s: float, now_us: int) -> bytes:
+    def _sample(self, elapsed_s: float, at_us: int) -> bytes:
         assert self._origin is not None
         _, at = self._mission.wanted(elapsed_s, self._origin)
         assert at is not None
         mask = _MASK | (_NO_ACCELERATION if self._options.velocity_only else 0)
         message = mavlink.MAVLink_set_position_target_local_ned_message(
-            _CLOCK_MS + now_us // 1000, 1, 191, mavlink.MAV_FRAME_LOCAL_NED, mask, *at[:9], 0.0, 0.0
+            _CLOCK_MS + at_us // 1000, 1, 191, mavlink.MAV_FRAME_LOCAL_NED, mask, *at[:9], 0.0, 0.0
         )
         return bytes(message.pack(self._packer))
 
