@@ -81,10 +81,11 @@ class LiveCommands:
     def _tell_phase(self) -> None:
         """A stream has begun or ended."""
         assert self._stream is not None
-        self._phase = phase = self._stream.phase
+        before, self._phase = self._phase, self._stream.phase
+        phase = self._phase
         if phase is Phase.FOLLOWED and self._planner is not None:
             self._flight.announce("stream", "streamed by {}/{}".format(*self._planner), _TOLD)
         elif phase is Phase.ENDED:
             self._flight.announce("stream_ended", f"stream ended, braking: {self._stream.why}", _TOLD)
-        else:
+        elif before is Phase.FOLLOWED:
             self._flight.announce("stream_ended", "stream ended: another command", To.LOG)
