@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from companion.control.types import PositionSetpoint, Reference
 from companion.trajectory.curves import Circle, Lemniscate
@@ -323,3 +325,38 @@ def test_a_circle_of_ten_hertz_is_followed_past_a_lost_sample() -> None:
         worst = max(worst, math.dist(flown[:3], circle.at(now_s)[:3]))
         assert streamed.phase is Phase.FOLLOWED
     assert worst < 0.02
+
+
+number = st.floats(width=32, allow_nan=False, allow_infinity=False)
+near = st.floats(-0.03, 0.03)
+
+
+@settings(max_examples=150)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.integers(0, 2**32 - 1), st.just(-1)),
+            st.one_of(st.lists(number, min_size=9, max_size=9), st.lists(near, min_size=9, max_size=9)),
+            st.one_of(st.just(math.nan), st.floats(-math.pi, math.pi)),
+            st.booleans(),
+        ),
+        max_size=8,
+    )
+)
+def test_whatever_comes_what_is_flown_is_finite_slow_enough_and_without_a_jump(
+    said: list[tuple[int, list[float], float, bool]],
+) -> None:
+    streamed, flown, now_s = stream(), HERE, 0.0
+    for stamp_ms, values, yaw, accelerates in [*said, *said]:
+        stamp = round(1e3 * now_s) if stamp_ms < 0 else stamp_ms
+        place = [a + b for a, b in zip(HERE[:6], values[:6], strict=True)]
+        sample = Sample(stamp, *place, *(values[6:] if accelerates else [math.nan] * 3), yaw)
+        streamed.stop_ned_m(sample)
+        streamed.take(sample, now_s, flown, now_s)
+        for _ in range(20):
+            now_s += TICK_S
+            if streamed.phase is not Phase.NONE:
+                before, flown = flown, streamed.at(now_s)
+                assert all(map(math.isfinite, flown))
+                assert math.dist(before[:3], flown[:3]) < TICK_S * LIMITS.speed_m_s
+                assert math.hypot(*flown[6:9]) < 1.25 * LIMITS.acceleration_m_s2
