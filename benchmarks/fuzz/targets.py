@@ -106,7 +106,7 @@ def link(data: bytes) -> None:
         for message in vehicle.messages(piece):
             hash(type(message))
         for command in vehicle.live_commands():
-            assert not isinstance(command, str) or len(command) <= 38
+            assert not isinstance(command.wanted, str) or len(command.wanted) <= 38
         vehicle.rival()
     vehicle.measure_delay()
     vehicle.tally()

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from companion.config.base import Id, NonNegative, Positive, Priority, Section
+from companion.config.base import NUMBER, Id, NonNegative, Positive, Priority, Section
 
 
 class ServiceSection(Section):
@@ -27,6 +27,15 @@ class LogSection(Section):
     """[GB] What is left free on the disk for everybody else."""
 
 
+class StreamSection(Section):
+    """A planner that streams: SET_POSITION_TARGET_LOCAL_NED with velocity (`docs/trajectories.md`)."""
+
+    timeout_s: Annotated[float, Field(ge=0.05, le=2.0), NUMBER] = 0.25
+    """Without a new sample for so long the stream has ended: the vehicle brakes along the path and hovers."""
+    late_s: Annotated[float, Field(ge=0.01, le=1.0), NUMBER] = 0.1
+    """A sample that took so much longer than the quickest ones is refused."""
+
+
 class SteeringSection(Section):
     """Who may move the set-point by SET_POSITION_TARGET_LOCAL_NED, addressed to the companion's own component."""
 
@@ -34,6 +43,8 @@ class SteeringSection(Section):
     """Take live commands. Needs `guards.fence` with a box, and a speed or an envelope that holds the way."""
     system_ids: tuple[Id, ...] = ()
     """MAVLink systems that may steer, 255 for QGroundControl."""
+    stream: StreamSection = StreamSection()
+    """Trajectories that one of them streams, within `mission.limits` and four fifths of `controller.limits`."""
 
     @model_validator(mode="after")
     def _somebody(self) -> SteeringSection:

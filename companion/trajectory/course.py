@@ -132,9 +132,12 @@ def lead_in(end: Reference, limits: Limits) -> Piecewise:
 
 def brake(begin: Reference, limits: Limits) -> Piecewise:
     """From an instant in motion to rest, wherever that will be. Raises `ValueError`."""
-    return _first_within(
-        lambda duration_s: _between(begin, _rest_near(begin, duration_s), duration_s), _SHORTEST_S, limits
-    )
+    return _first_within(lambda duration_s: braked(begin, duration_s), _SHORTEST_S, limits)
+
+
+def braked(begin: Reference, duration_s: float) -> Piecewise:
+    """From an instant in motion to rest in so long."""
+    return _between(begin, _rest_near(begin, duration_s), duration_s)
 
 
 def _first_within(way: Callable[[float], Piecewise], shortest_s: float, limits: Limits) -> Piecewise:

@@ -68,6 +68,14 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
     return worst
 
 
+def too_much(at: Reference, limits: Limits) -> str | None:
+    """What one instant asks for beyond the limits; None where nothing is."""
+    for what, value, limit, unit, _ in _asked(at, limits, None, 0.0):
+        if not value <= limit * _SLACK:
+            return f"{what} {value:.3g} {unit}, limit {limit:.3g}"
+    return None
+
+
 def _asked(
     at: Reference, limits: Limits, before: tuple[float, float] | None, time_s: float
 ) -> Iterator[tuple[str, float, float, str, float]]:

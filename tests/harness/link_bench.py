@@ -92,7 +92,7 @@ class Bench:
 
     def steered(self) -> list[float]:
         """Where those who may steer want it, north, since this was last asked."""
-        commands = self.link.live_commands()
+        commands = [command.wanted for command in self.link.live_commands()]
         assert all(isinstance(command, PositionSetpoint) for command in commands)
         return [command.x_m for command in commands if isinstance(command, PositionSetpoint)]
 

@@ -35,28 +35,36 @@ def check_flight(folder: Path, reason: str) -> None:
 
 
 @contextmanager
-def in_control(link: str, out: Path, station_port: int) -> Iterator[Flown]:
-    """A flight in control that does not end by itself, and a ground station beside it."""
-    run = start("run", RIG, "--link", link, "--engage", "--out", out, *SHORT, *ENDLESS)
+def running(link: str, out: Path, *settings: str) -> Iterator[tuple[Process, Path]]:
+    """A flight in control that does not end by itself, and its folder."""
+    given = [part for setting in settings for part in ("--set", setting)]
+    run = start("run", RIG, "--link", link, "--engage", "--out", out, *SHORT, *ENDLESS, *given)
     try:
         folder = folder_of(line_with(run, "log "))
         line_with(run, "^engaged")
-        station = GroundStation(station_port)
-        try:
-            yield run, station, folder
-        finally:
-            station.link.close()
+        yield run, folder
     finally:
         stop(run)
 
 
 @contextmanager
-def engaged(tmp_path: Path) -> Iterator[Flown]:
+def in_control(link: str, out: Path, station_port: int, *settings: str) -> Iterator[Flown]:
+    """The same, and a ground station beside it."""
+    with running(link, out, *settings) as (run, folder):
+        station = GroundStation(station_port)
+        try:
+            yield run, station, folder
+        finally:
+            station.link.close()
+
+
+@contextmanager
+def engaged(tmp_path: Path, *settings: str) -> Iterator[Flown]:
     """A flight in control over UDP."""
     station_port = free_port()
     with (
         served("--gcs-port", station_port) as port,
-        in_control(f"udpout://127.0.0.1:{port}", tmp_path, station_port) as flight,
+        in_control(f"udpout://127.0.0.1:{port}", tmp_path, station_port, *settings) as flight,
     ):
         flight[1].mode_becomes(OFFBOARD)
         yield flight

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 import yaml
 from harness.command import companion
+from harness.planner import PlannerLink, fly_streamed
 from harness.processes import ROOT
 
 from companion.commands.missions import overrides
 from companion.config import load_config
+from companion.record.reader import read_flight
 from companion.trajectory.curves import Circle
 from sitl.experiment.against import PathScores, fly_against
 
@@ -52,6 +54,15 @@ def test_with_gps_too(tmp_path: Path) -> None:
     by_gps = ("plant.sensors.preset=gps", *GPS_ADAPTATION)
     ours, theirs = (flown(c, tmp_path, eight(2.0), *by_gps) for c in ("hedged", "px4"))
     assert ours.truth_rms_m < 0.7 * theirs.truth_rms_m
+
+
+def test_a_planner_at_20_hz_with_30_ms_of_jitter_costs_a_tenth_at_most(tmp_path: Path) -> None:
+    one_lap = "mission={trajectories: [{hold_s: 4}, {lemniscate: {speed_m_s: 2, laps: 1}}, {hold_s: 1}]}"
+    by_file = flown("hedged", tmp_path, one_lap)
+    by_stream, reason = fly_streamed(CONFIG, one_lap, PlannerLink(), 1, tmp_path / "stream")
+    assert reason == "mission_complete"
+    assert by_stream.truth_rms_m < 1.1 * by_file.truth_rms_m
+    assert [event.name for event in read_flight(tmp_path / "stream").events].count("command_refused") == 0
 
 
 def write_files(folder: Path) -> Path:

@@ -10,6 +10,7 @@ from companion.config.mission.flown import legs_of, limits_of
 from companion.config.schema import Config
 from companion.control.types import PositionSetpoint, Reference
 from companion.trajectory.course import Course
+from companion.trajectory.streamed import Streamed
 from companion.trajectory.trajectory import moved
 
 
@@ -81,3 +82,12 @@ class TrajectoryMission:
 def mission_of(config: Config) -> Mission | TrajectoryMission:
     """What a config has to fly."""
     return TrajectoryMission(config) if config.mission.trajectories else Mission(config.mission)
+
+
+def stream_of(config: Config) -> Streamed | None:
+    """What flies a planner's stream; None where none may be flown, since the frame could not move along."""
+    steering, controller = config.steering, config.controller
+    if not steering.enabled or controller.anchor != "setpoint":
+        return None
+    limits = limits_of(config.mission, controller, config.attitude, config.vehicle.hover_thrust)
+    return Streamed(limits, timeout_s=steering.stream.timeout_s, late_s=steering.stream.late_s)

@@ -9,7 +9,14 @@ from companion.config.guards.rows import Reason
 from companion.config.reach import amplitude_deg
 from companion.config.schema import Config
 from companion.control import attitude, estimate_correction, mrac, position
-from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry, PositionSetpoint
+from companion.control.types import (
+    GRAVITY_M_S2,
+    AttitudeSetpoint,
+    Jump,
+    Odometry,
+    PositionSetpoint,
+    Reference,
+)
 from companion.flight.pilot.controller_params import (
     HOVER_RANGE,
     correction_params,
@@ -19,8 +26,10 @@ from companion.flight.pilot.controller_params import (
     position_params,
 )
 from companion.flight.pilot.doublets import Manoeuvre
-from companion.flight.pilot.mission import mission_of
+from companion.flight.pilot.mission import mission_of, stream_of
 from companion.record.schema import CDR_HEADER, CONTROL_FLOATS, pack_tick
+from companion.trajectory.sample import Sample
+from companion.trajectory.trajectory import rest
 
 _NOT_IN_CONTROL = (math.nan,) * sum(field.size for field in CONTROL_FLOATS)
 
@@ -32,7 +41,8 @@ class Pilot:
     """Flies the mission of a config from wherever `take_over` finds the vehicle.
 
     Attributes: `elapsed_s` in control; `origin`, where control began; `target`, where the mission or a live command
-    wants the vehicle; `last`, what the controller made of the last tick; `manoeuvre`, flown in place of a mission.
+    wants the vehicle; `last`, what the controller made of the last tick; `manoeuvre`, flown in place of a mission;
+    `stream`, the trajectory of a planner, None where nobody may stream.
     """
 
     def __init__(self, config: Config, *, hedging: bool) -> None:
@@ -40,7 +50,8 @@ class Pilot:
         self._params = position_params(config, hedging=hedging)
         self._weights = (initial_weights(config, self._params.x), initial_weights(config, self._params.y))
         self._mission = mission_of(config)
-        if config.mission.trajectories:
+        self.stream = stream_of(config)
+        if config.mission.trajectories or self.stream is not None:
             self._params = self._params._replace(lead=lead_params(config))
         flown = config.mission.identification
         self._trim = (0.0, 0.0)  # of the pauses: what a doublet stands on does not move with the adaptation
@@ -51,10 +62,11 @@ class Pilot:
         self._correction_params = correction_params(config)
         self._correction: estimate_correction.CorrectionState | None = None  # while in control
         self._control: position.PositionState | None = None
-        self._steered = False
+        self._steered = self._streamed = False
+        self._reference: Reference | None = None  # of the last tick
         self._hover = config.vehicle.hover_thrust
         self._lift = 1.0  # what it hovers at over that
-        self._sample: Odometry | None = None  # of the last tick
+        self._sample: Odometry | None = None  # of the last tick, or at which control began
         self._since_s = 0.0
         self.origin = self.target = PositionSetpoint(0.0, 0.0, 0.0, 0.0)
         self.last: position.PositionOutput | None = None
@@ -96,15 +108,31 @@ class Pilot:
         yaw = attitude.yaw(sample.qw, sample.qx, sample.qy, sample.qz)
         self.origin = self.target = PositionSetpoint(sample.x_m, sample.y_m, sample.z_m, yaw)
         self._mission.begin(self.origin)
-        self._steered = False
+        self._steered = self._streamed = False
+        self._reference = None
+        if self.stream is not None:
+            self.stream.forget()
         self._since_s = sample.time_s
+        self._sample = sample
         self._correction = None if self._correction_params is None else estimate_correction.start(sample)
         self._control = position.engage(self._params, sample, yaw, *self._weights, hover, lift)
 
     def steer(self, target: PositionSetpoint) -> None:
         """Fly to a target in local NED from now on, in place of the mission; yaw NaN keeps the heading wanted."""
-        self._steered = True
+        self._steered, self._streamed = True, False
+        if self.stream is not None:
+            self.stream.forget()
         self.target = target._replace(yaw_rad=self.target.yaw_rad) if math.isnan(target.yaw_rad) else target
+
+    def follow(self, sample: Sample, heard_s: float) -> str | None:
+        """Fly along a planner's stream, of which this was heard then, by the vehicle's clock; or why not."""
+        if self.stream is None or self._sample is None or self._control is None:
+            return "a stream needs anchor: setpoint"
+        flown = rest(self._control.flown) if self._reference is None else self._reference
+        refused = self.stream.take(sample, heard_s, flown, self._sample.time_s)
+        if refused is None:
+            self._steered = self._streamed = True
+        return refused
 
     def reseat(self, jump: Jump) -> None:
         """The estimate jumped by so much and the vehicle did not: go on as if nothing had happened.
@@ -117,6 +145,9 @@ class Pilot:
             self._correction, jump = estimate_correction.reseat(self._correction_params, self._correction, jump)
         self._control = position.reseat(self._control, jump)
         self.origin, self.target = _moved(self.origin, jump), _moved(self.target, jump)
+        if self._streamed and self.stream is not None and self._sample is not None:
+            by = PositionSetpoint(jump.x_m, jump.y_m, jump.z_m, jump.yaw_rad)
+            self._reference = self.stream.end(self._sample.time_s, "the estimator reset", by)
 
     def step(self, sample: Odometry, dt_s: float) -> AttitudeSetpoint:
         """One tick in control."""
@@ -125,6 +156,10 @@ class Pilot:
         reference = None
         if not self._steered:
             self.target, reference = self._mission.wanted(self.elapsed_s, self.origin)
+        elif self._streamed and self.stream is not None:
+            reference = self.stream.at(sample[0])
+            self.target = PositionSetpoint(reference[0], reference[1], reference[2], reference[15])
+        self._reference = reference
         if self._correction_params is not None and self._correction is not None:
             self._correction, sample = estimate_correction.step(self._correction_params, self._correction, sample, dt_s)
         self._control, self.last = position.step(self._params, self._control, sample, self.target, dt_s, reference)

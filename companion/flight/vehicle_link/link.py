@@ -12,13 +12,14 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.schema import Config
-from companion.control.types import AttitudeSetpoint, PositionSetpoint
+from companion.control.types import AttitudeSetpoint
 from companion.flight.authority.states import Reason, State
 from companion.flight.host.clock import Clock
 from companion.flight.vehicle_link import live_command, modes, requests
 from companion.flight.vehicle_link.arrivals import Arrivals, without_overtaken
 from companion.flight.vehicle_link.ground_station import GroundStation, system_status
 from companion.flight.vehicle_link.link_delay import TIMESYNC, LinkDelay
+from companion.flight.vehicle_link.live_command import LiveCommand
 from companion.flight.vehicle_link.messages import COMMAND_ACK, ROWS, Answer, Heartbeat, ModeReport, answer
 from companion.flight.vehicle_link.odometry import ATTITUDE_QUATERNION, LOCAL_POSITION_NED, ODOMETRY, PoseSource
 from companion.flight.vehicle_link.requests import CURRENT_MODE, HEARTBEAT, Request
@@ -73,7 +74,7 @@ class VehicleLink:
         self._sent = [b""] * KEPT
         self._arrivals = Arrivals(link, None if clock.lockstep else clock.wall_s)
         self.receive = self._arrivals.receive
-        self.steering: deque[Frame] = deque(maxlen=_MOST_STEERING)
+        self.steering: deque[tuple[float, Frame]] = deque(maxlen=_MOST_STEERING)
         self.pose = pose = PoseSource()
         self.delay = LinkDelay()
         self._decoders: dict[int, Callable[[Frame], Any]] = {
@@ -123,13 +124,13 @@ class VehicleLink:
         """Whether the vehicle was killed or its flight terminated."""
         return modes.killed(self.mode, self._system_status)
 
-    def live_commands(self) -> list[PositionSetpoint | str]:
+    def live_commands(self) -> list[LiveCommand]:
         """Where those who may steer want the vehicle since this was last asked, or why it is refused."""
-        frames = list(self.steering)
+        heard = list(self.steering)
         self.steering.clear()
-        for frame in frames:
+        for _, frame in heard:
             self._record(RECEIVED, self._clock.stamp_us, frame.raw)
-        return [live_command.parse(frame, self._own) for frame in frames]
+        return [LiveCommand(heard_s, frame[1:3], live_command.parse(frame, self._own)) for heard_s, frame in heard]
 
     def _frames(self, data: bytes) -> list[Frame]:
         """The autopilot's frames in `data`, recorded."""
@@ -150,7 +151,7 @@ class VehicleLink:
                     self.request(requests.TellHeartbeat())
             elif system in self._may_steer and self.connected and live_command.addressed_to(frame, self._own):
                 if signing is None or signing.verify(frame):
-                    self.steering.append(frame)
+                    self.steering.append((self._clock.now_s, frame))
             elif (system, component) == self._own and is_echo(frame, self._sent):
                 self.echoed += 1
             else:

@@ -51,7 +51,7 @@ def test_a_ground_station_that_may_steer_does_and_is_told_why_not(tmp_path: Path
         flight.fly_on(1.1)
         autopilot.answers += [Target(0.2, mask=0)] * 20
         assert flight.until_heard(
-            lambda: any("velocity must be" in m.text for m in autopilot.of_kind("STATUSTEXT")), 3.0
+            lambda: any("yaw rate must be" in m.text for m in autopilot.of_kind("STATUSTEXT")), 3.0
         )
         flight.fly_on(0.3)
         autopilot.mode = HOLD
@@ -61,7 +61,7 @@ def test_a_ground_station_that_may_steer_does_and_is_told_why_not(tmp_path: Path
     engaged = record.ticks[record.ticks["state"] == 3]
     assert set(engaged["target_ned_m"][:, 0].round(3)) == {0.0, 0.3}
     refused = [event.detail for event in record.events if event.name == "command_refused"]
-    assert refused == ["2.5 m away, fence 2 m", "velocity must be ignored"]
+    assert refused == ["2.5 m away, fence 2 m", "yaw rate must be ignored"]
 
 
 def test_without_leave_nobody_steers(tmp_path: Path) -> None:

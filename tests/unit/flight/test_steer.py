@@ -16,9 +16,11 @@ from companion.config.guards.fence import FenceSection
 from companion.control.types import PositionSetpoint
 from companion.flight.vehicle_link import live_command as steer
 from companion.mavlink.codec import Frame, FrameParser
+from companion.trajectory.sample import Sample
 
 OWN = (1, 191)
-POSITION_AND_YAW, POSITION_ALONE = 0x9F8, 0xDF8
+POSITION_AND_YAW, POSITION_ALONE, STREAMED = 0x9F8, 0xDF8, 0x800
+MASKS = [POSITION_AND_YAW, POSITION_ALONE, STREAMED, STREAMED | 0x1C0]
 MANY = settings(max_examples=200)
 HERE = PositionSetpoint(10.0, -5.0, -3.0, 0.5)
 
@@ -68,12 +70,19 @@ def test_what_mavsdk_and_dronekit_send_for_a_position_is_taken() -> None:
         ({"coordinate_frame": mavlink.MAV_FRAME_LOCAL_OFFSET_NED}, "frame 7 is not LOCAL_NED"),
         ({"type_mask": POSITION_AND_YAW | 1}, "x, y and z must be given"),
         ({"type_mask": POSITION_AND_YAW | 4}, "x, y and z must be given"),
-        ({"type_mask": POSITION_AND_YAW & ~0x10}, "velocity must be ignored"),
-        ({"type_mask": POSITION_AND_YAW & ~0x100}, "acceleration must be ignored"),
+        ({"type_mask": POSITION_AND_YAW & ~0x10}, "velocity is given in part"),
+        ({"type_mask": POSITION_AND_YAW & ~0x100}, "acceleration is given in part"),
+        ({"type_mask": POSITION_AND_YAW & ~0x1C0}, "acceleration without velocity"),
+        ({"type_mask": STREAMED | 0x200}, "a force is no acceleration"),
+        ({"type_mask": STREAMED & ~0x800}, "yaw rate must be ignored"),
+        ({"type_mask": STREAMED, "vy": math.nan}, "velocity is not finite"),
+        ({"type_mask": STREAMED, "afz": -math.inf}, "acceleration is not finite"),
+        ({"type_mask": STREAMED, "x": math.nan}, "position is not finite"),
+        ({"type_mask": STREAMED, "coordinate_frame": 9}, "frame 9 is not LOCAL_NED"),
         ({"type_mask": POSITION_AND_YAW & ~0x800}, "yaw rate must be ignored"),
         ({"type_mask": POSITION_AND_YAW | 0x2000}, "unknown bits in type_mask"),
         ({"type_mask": 0xFFFF}, "unknown bits in type_mask"),
-        ({"type_mask": 0}, "velocity must be ignored"),
+        ({"type_mask": 0}, "yaw rate must be ignored"),
         ({"x": math.nan}, "position is not finite"),
         ({"y": math.inf}, "position is not finite"),
         ({"x": math.inf, "y": -math.inf}, "position is not finite"),
@@ -85,6 +94,17 @@ def test_what_mavsdk_and_dronekit_send_for_a_position_is_taken() -> None:
 )
 def test_what_is_malformed_is_refused_with_its_reason(changed: dict[str, Any], reason: str) -> None:
     assert steer.parse(frame(**changed), OWN) == reason
+
+
+@pytest.mark.parametrize(
+    ("mask", "accelerates", "turns"), [(0x800, True, True), (0xC00, True, False), (0x9C0, False, True)]
+)
+def test_a_velocity_makes_it_a_sample_of_a_stream(mask: int, accelerates: bool, turns: bool) -> None:
+    sample = steer.parse(frame(type_mask=mask, vx=0.5, afy=-0.25, time_boot_ms=2**32 - 1), OWN)
+    assert isinstance(sample, Sample)
+    assert (sample.stamp_ms, *sample[1:7]) == (2**32 - 1, 1.0, 2.0, -3.0, 0.5, 0.0, 0.0)
+    assert sample[7:10] == (0.0, -0.25, 0.0) if accelerates else all(map(math.isnan, sample[7:10]))
+    assert (sample.accelerates, not math.isnan(sample.yaw_rad)) == (accelerates, turns)
 
 
 def test_another_message_is_not_for_steering() -> None:
@@ -103,7 +123,9 @@ number = st.floats(width=32)
         {
             **dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), number),
             "type_mask": st.one_of(
-                st.integers(0, 0xFFFF), st.sampled_from([POSITION_AND_YAW, POSITION_ALONE]), st.just(POSITION_AND_YAW)
+                st.integers(0, 0xFFFF),
+                st.sampled_from(MASKS),
+                st.just(POSITION_AND_YAW),
             ),
             "coordinate_frame": st.one_of(st.just(1), st.integers(0, 255)),
             "target_component": st.one_of(st.just(191), st.integers(0, 255)),
@@ -115,8 +137,11 @@ def test_whatever_comes_is_a_finite_command_or_a_short_refusal(values: dict[str,
     if isinstance(outcome, str):
         assert 0 < len(outcome) <= 32
         return
-    assert all(map(math.isfinite, outcome[:3]))
     assert math.isnan(outcome.yaw_rad) == bool(values["type_mask"] & 0x400)
+    if isinstance(outcome, Sample):
+        assert all(map(math.isfinite, outcome[: 10 if outcome.accelerates else 7]))
+    else:
+        assert all(map(math.isfinite, outcome[:3]))
     assert not abs(outcome.yaw_rad) > math.pi
     refusal = steer.outside(outcome, FenceSection(enabled=True, radius_m=20.0), HERE)
     assert (refusal is None) == (math.hypot(outcome.x_m - 10.0, outcome.y_m + 5.0) <= 20.0)

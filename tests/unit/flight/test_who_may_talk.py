@@ -217,7 +217,7 @@ def test_a_flood_of_steering_is_flown_fifty_times_a_second_and_ends_where_it_end
         state=State.ENGAGED,
         config=config(*STEERING),
         announce=lambda *_: None,
-        pilot=SimpleNamespace(origin=PositionSetpoint(0.0, 0.0, 0.0, 0.0), steer=steered.append),
+        pilot=SimpleNamespace(origin=PositionSetpoint(0.0, 0.0, 0.0, 0.0), steer=steered.append, stream=None),
     )
     live = LiveCommands(flight)  # type: ignore[arg-type]
     for n in range(1001):
