@@ -9,14 +9,15 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from companion.attitude_response.exact import Interval
-from companion.certify.piecewise.sectors import Channel
+from companion.certify.piecewise.sectors import Channel, delayed
 from companion.certify.problem import AxisProblem, nominal_weights
 from companion.certify.tube.loop import Bias, moving_channel
 from companion.certify.tube.tube_proof import TubeProof
 from companion.certify.tube.tube_search import search
 from companion.certify.tube.worst_case import held_growth, worst_case
 
-RAYS: Final = 8
+RAYS: Final = (16, 8)
+"""Without a delay and with one: there twice as many cost minutes."""
 PROVEN: Final = "proven"
 _TICK: Final = "not proven: the loop is taken as continuous"
 _ESTIMATE: Final = "not counted: the tube is around where the estimate says that it is"
@@ -82,7 +83,8 @@ def _proven(axis: AxisProblem, bias: Bias | None, parts: int, frequency: float, 
     proofs: list[TubeProof] = []
     rates = None
     for part in _cut(axis, parts):
-        found = search(moving_channel(part, bias), RAYS, frequency, state=state, start=rates)
+        channel = moving_channel(part, bias)
+        found = search(channel, RAYS[delayed(channel)], frequency, state=state, start=rates)
         if found is None:
             return ()
         proof, rates = found
