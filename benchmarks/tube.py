@@ -4,7 +4,8 @@
 
 Controller and plant alone, in pure steps, without a link. The force is a disturbance on each axis of the frame: steps,
 full one way or the other, at random times, or swings near the loop's own period; the bound counts on each axis. The
-estimate is the truth. 0 if none leaves, 1 otherwise.
+estimate is the truth. A flight whose force a limit has cut is told apart, since no tube counts that. 0 if none of the
+others leaves, 1 otherwise.
 """
 
 from __future__ import annotations
@@ -186,8 +187,9 @@ def main() -> int:
     worst = max(flights, key=lambda flight: flight.share)
     told = {
         "flights": len(flights),
-        "left": [flight.number for flight in flights if flight.share > 1.0],
+        "left": [flight.number for flight in flights if flight.share > 1.0 and not flight.limited],
         "limited": sum(flight.limited for flight in flights),
+        "left_limited": [flight.number for flight in flights if flight.share > 1.0 and flight.limited],
         "worst": worst._asdict() | {"share": worst.share},
         "m_per_m_s2": tubes["x"].m_per_m_s2,
         "weights": tubes["x"].proof["weights"],

@@ -21,7 +21,7 @@ _HELD_S: Final = (0.2, 0.6)  # of the random starts
 
 
 def worst_case(
-    channel: Channel, duration_s: float = 15.0, rounds: int = 25, weights: tuple[int, ...] | None = None
+    channel: Channel, duration_s: float = 30.0, rounds: int = 25, weights: tuple[int, ...] | None = None
 ) -> Floats:
     """The largest position found for a disturbance of 1 m/s^2, m, by corner of the response, then by end of the delay.
 
