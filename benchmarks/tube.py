@@ -18,17 +18,15 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.attitude_response.inverse import inverse
 from companion.attitude_response.kind import LinearResponse
 from companion.attitude_response.kinds import SecondOrder
 from companion.certify.from_config import problem
 from companion.certify.problem import AxisProblem
 from companion.certify.tube.feed_forward import STEP_S, Asked, left_over
-from companion.certify.tube.loop import Bias
+from companion.certify.tube.from_config import bias_of
 from companion.certify.tube.tube import Tube, tube
 from companion.config import Config, load_config
 from companion.config.mission.flown import limits_of
@@ -170,15 +168,9 @@ def main() -> int:
     axes = dict(problem(config).axes)
     tubes: dict[str, Tube] = {}
     known: dict[AxisProblem, Tube] = {}
-    weight = config.controller.bias
     for name, axis in axes.items():
-        bias = None
-        if weight is not None:
-            q1, q2 = (Fraction(str(q)) for q in config.controller.axes.x.lyapunov_q)
-            lag = Fraction(inverse(axis.response).first_s).limit_denominator(10**6)
-            bias = Bias(Fraction(str(weight.adaptation_rate.hedged)), Fraction(str(weight.bound)), (q1, q2), lag)
         if axis not in known:
-            known[axis] = tube(axis, bias, bound_bias=False)
+            known[axis] = tube(axis, bias_of(config, name, axis), bound_bias=False)
         tubes[name] = known[axis]
     began, flights = time.process_time(), []
     for number in range(given.first, given.first + given.flights):

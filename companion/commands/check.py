@@ -19,8 +19,7 @@ from companion.certify.from_config import problem
 from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
-from companion.commands.check_report import ANGLES, link_loss, table, verdict
-from companion.commands.check_tube import DISTURBANCE_M_S2, tube_json, tube_lines
+from companion.commands.check_report import ANGLES, link_loss, table, tube_lines, verdict
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_json, config_file
 from companion.config import Config, ConfigError
 
@@ -28,6 +27,8 @@ if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify
     from companion.certify.assessment import Assessment
     from companion.certify.second_opinion import Opinions
 
+DISTURBANCE_M_S2 = 0.5
+"""Taken where none is given: 2 m/s of gusts on an airframe of 1 kg."""
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -146,6 +147,8 @@ def run(arguments: Arguments) -> int:
     opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
     tubes = {}
     if arguments.disturbance_m_s2 is not None:
+        from companion.certify.tube.from_config import tube_json  # noqa: PLC0415
+
         with console.status("tube"):
             tubes = tube_json(config, stated, arguments.disturbance_m_s2)
     if arguments.json:

@@ -115,6 +115,7 @@ class Blocks:
         self._values: list[Floats] = []
 
     def rows(self, row: int, columns: Sequence[int], value: float) -> None:
+        """The same value in some columns of a row."""
         self._add(np.full(len(columns), row), np.asarray(columns), np.full(len(columns), value))
 
     def semidefinite(self, first: int, columns: NDArray[np.intp], matrices: Floats, margin: int) -> None:
@@ -135,6 +136,7 @@ class Blocks:
         return [float(value) for value in offset[row, column] * factors]
 
     def entries(self) -> tuple[Floats, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Values, and their rows and columns."""
         return np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns))
 
     def _add(self, rows: NDArray[np.intp], columns: NDArray[np.intp], values: Floats) -> None:

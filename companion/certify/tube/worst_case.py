@@ -8,6 +8,7 @@ interval.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.linalg import eigvals, expm
 from companion.certify.piecewise.inequalities import Floats, in_floats
 from companion.certify.piecewise.sectors import Channel, Loop
 
-_STEP_S: Final = 0.01
+_STEP_S: Final = 0.01  # or a little less, so that the delay is a whole number of them
 _HELD_S: Final = (0.2, 0.6)  # of the random starts
 
 
@@ -62,7 +63,7 @@ def held_growth(channel: Channel) -> float:
     """The fastest growth of the loop with its weights held in a corner, 1/s; below zero where it always decays."""
     near = in_floats(channel)
     found = [
-        float(np.log(np.abs(eigvals(_discrete(loop, float(delay))[0])).max())) / _STEP_S
+        float(np.log(np.abs(eigvals(_discrete(loop, float(delay))[0])).max())) / _step_s(float(delay))
         for corner in near.corners
         for loop in corner
         for delay in near.delays_s
@@ -97,12 +98,13 @@ def _improved(a: Floats, b: Floats, selected: np.typing.NDArray[np.int64], round
 def _discrete(loop: Loop, delay_s: float) -> tuple[Floats, Floats]:
     """One step: states, then y of the steps that the delay holds, the oldest first."""
     a, e, c, d = (np.array(part, dtype=float) for part in (loop.a, loop.e, loop.c, loop.d))
-    n, late = len(a), round(delay_s / _STEP_S)
+    n, step_s = len(a), _step_s(delay_s)
+    late = round(delay_s / step_s)
     if not late:
         a, e = a + e @ c, np.zeros_like(e)
     block = np.zeros((n + 2, n + 2))
     block[:n, :n], block[:n, n], block[:n, n + 1] = a, e[:, 0], d[:, 0]
-    over = expm(_STEP_S * block)
+    over = expm(step_s * block)
     matrix = np.zeros((n + late, n + late))
     matrix[:n, :n] = over[:n, :n]
     if late:
@@ -110,3 +112,7 @@ def _discrete(loop: Loop, delay_s: float) -> tuple[Floats, Floats]:
         matrix[n:-1, n + 1 :] = np.eye(late - 1)
         matrix[-1, :n] = c[0]
     return matrix, np.concatenate([over[:n, n + 1], np.zeros(late)])
+
+
+def _step_s(delay_s: float) -> float:
+    return delay_s / math.ceil(delay_s / _STEP_S) if delay_s else _STEP_S

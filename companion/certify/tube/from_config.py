@@ -1,45 +1,35 @@
-"""`companion check --trajectory`: how far from a trajectory a bounded disturbance drives the vehicle."""
+"""From a config and its trajectories to their tubes, as `companion check --trajectory` tells them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any
 
 from companion.attitude_response.inverse import inverse
 from companion.certify.problem import AxisProblem, Problem
+from companion.certify.tube.feed_forward import STEP_S, Asked, left_over
+from companion.certify.tube.loop import Bias
+from companion.certify.tube.tube import Tube, tube
 from companion.config import Config, ConfigError
 from companion.config.mission.flown import legs_of, limits_of
 from companion.control.tracking import LeadParams, feed
 from companion.control.types import GRAVITY_M_S2, Reference
 from companion.trajectory.course import Course
 
-DISTURBANCE_M_S2: Final = 0.5
-"""Taken where none is given: 2 m/s of gusts on an airframe of 1 kg."""
-
 
 def tube_json(config: Config, stated: Problem, disturbance_m_s2: float) -> dict[str, Any]:
     """`tube_m` by axis, and what it is made of. Raises `ConfigError`."""
-    from companion.certify.tube.feed_forward import left_over  # noqa: PLC0415 - the solver takes its time to import
-    from companion.certify.tube.loop import Bias  # noqa: PLC0415
-    from companion.certify.tube.tube import Tube, tube  # noqa: PLC0415
-
     if not (math.isfinite(disturbance_m_s2) and disturbance_m_s2 >= 0.0):
         raise ConfigError(f"--disturbance {disturbance_m_s2:g}: an acceleration in m/s^2, not below zero")
     if not config.mission.trajectories:
         raise ConfigError("--trajectory: the mission is one of set-points, which have no tube")
     references = list(_instants(config))
-    bias = config.controller.bias
     tubes, told = {}, {}
     known: dict[tuple[AxisProblem, Bias | None], Tube] = {}
     for name, axis in stated.axes.items():
-        section = config.controller.axes.x if name == "x" else config.controller.axes.y
-        weight = None
-        if bias is not None and bias.adaptation_rate.hedged > 0.0 and section is not None:
-            q1, q2 = (Fraction(str(q)) for q in section.lyapunov_q)
-            lead = Fraction(inverse(axis.response).first_s).limit_denominator(10**6)
-            weight = Bias(Fraction(str(bias.adaptation_rate.hedged)), Fraction(str(bias.bound)), (q1, q2), lead)
+        weight = bias_of(config, name, axis)
         if (axis, weight) not in known:  # identical axes are proven once
             known[axis, weight] = tube(axis, weight)
         found = known[axis, weight]
@@ -59,22 +49,19 @@ def tube_json(config: Config, stated: Problem, disturbance_m_s2: float) -> dict[
     return {"tube_m": tubes, "tube": told}
 
 
-def tube_lines(found: dict[str, Any]) -> Iterator[str]:
-    """For a person."""
-    for name, tube_m in found["tube_m"].items():
-        told = found["tube"][name]
-        weights = told["proof"]["weights"]
-        yield (
-            f"{name}: within {tube_m:.3g} m of the trajectory, {told['m_per_m_s2']:.3g} m for each m/s2: "
-            f"{told['disturbance_m_s2']:g} of disturbance and {told['feed_forward_m_s2']:.2g} that is fed forward wrong"
-        )
-        yield f"   weights {weights}" + (f"; bias {told['proof']['bias']}" if "bias" in told["proof"] else "")
+def bias_of(config: Config, name: str, axis: AxisProblem) -> Bias | None:
+    """The bias weight of an axis as it flies on a trajectory; None where there is none."""
+    bias = config.controller.bias
+    section = config.controller.axes.x if name == "x" else config.controller.axes.y
+    if bias is None or bias.adaptation_rate.hedged <= 0.0 or section is None:
+        return None
+    q1, q2 = (Fraction(str(q)) for q in section.lyapunov_q)
+    lead = Fraction(inverse(axis.response).first_s).limit_denominator(10**6)
+    return Bias(Fraction(str(bias.adaptation_rate.hedged)), Fraction(str(bias.bound)), (q1, q2), lead)
 
 
 def _instants(config: Config) -> Iterator[Reference]:
-    """The course from the origin, every `feed_forward.STEP_S`; what is a set-point to travel to is left out."""
-    from companion.certify.tube.feed_forward import STEP_S  # noqa: PLC0415
-
+    """The course from the origin, every `STEP_S`; what is a set-point to travel to is left out."""
     try:
         limits = limits_of(config.mission, config.controller, config.attitude, config.vehicle.hover_thrust)
         course = Course(legs_of(config.mission, limits), (0.0, 0.0, 0.0, 0.0), limits)
@@ -86,10 +73,8 @@ def _instants(config: Config) -> Iterator[Reference]:
             yield instant
 
 
-def _asked(references: list[Reference], axis: AxisProblem, name: str) -> Iterator[Any]:
+def _asked(references: list[Reference], axis: AxisProblem, name: str) -> Iterator[Asked]:
     """Of one axis of the frame that points where the trajectory does."""
-    from companion.certify.tube.feed_forward import Asked  # noqa: PLC0415
-
     found = inverse(axis.response)
     lead = LeadParams(found.first_s, found.second_s2, found.first_s, found.second_s2, 0.0)
     for at in references:
