@@ -108,7 +108,11 @@ def _discrete(loop: Loop, delay_s: float) -> tuple[Floats, Floats]:
     matrix = np.zeros((n + late, n + late))
     matrix[:n, :n] = over[:n, :n]
     if late:
-        matrix[:n, n] = over[:n, n]
+        matrix[:n, n] = 0.5 * over[:n, n]  # the mean of y over the step: held from its beginning it would come late
+        if late > 1:
+            matrix[:n, n + 1] = 0.5 * over[:n, n]
+        else:
+            matrix[:n, :n] += 0.5 * np.outer(over[:n, n], c[0])
         matrix[n:-1, n + 1 :] = np.eye(late - 1)
         matrix[-1, :n] = c[0]
     return matrix, np.concatenate([over[:n, n + 1], np.zeros(late)])
