@@ -19,7 +19,7 @@ from companion.certify.from_config import problem
 from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
-from companion.commands.check_report import ANGLES, link_loss, table, verdict
+from companion.commands.check_report import ANGLES, link_loss, table, tube_lines, verdict
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_json, config_file
 from companion.config import Config, ConfigError
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify
     from companion.certify.assessment import Assessment
     from companion.certify.second_opinion import Opinions
 
+DISTURBANCE_M_S2 = 0.5
+"""Taken where none is given: 2 m/s of gusts on an airframe of 1 kg."""
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -43,6 +45,7 @@ class Arguments(NamedTuple):
     plot: Path | None
     second_opinion: bool
     json: bool
+    disturbance_m_s2: float | None  # with --trajectory alone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +75,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the certificate, if there is one")
     parser.add_argument("--verify", type=Path, metavar="FILE", help="only verify this certificate against the config")
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the needed bandwidth against delay")
+    parser.add_argument(
+        "--trajectory",
+        dest="mission",
+        metavar="NAME|FILE",
+        help="also how far from this trajectory a disturbance drives it, as `companion sitl --mission` takes it",
+    )
+    parser.add_argument("--speed", type=float, metavar="M_S", help="of a circle or lemniscate (default: 1)")
+    parser.add_argument("--stretch", action="store_true", help="slow a trajectory that asks for too much until it fits")
+    parser.add_argument(
+        "--disturbance",
+        type=float,
+        metavar="M_S2",
+        help=f"of wind, load and all else, on an axis (default: {DISTURBANCE_M_S2:g})",
+    )
     add_json(parser)
 
 
@@ -88,7 +105,17 @@ def parse(namespace: argparse.Namespace) -> Arguments:
         namespace.plot,
         namespace.second_opinion,
         namespace.json,
+        _disturbance(namespace),
     )
+
+
+def _disturbance(namespace: argparse.Namespace) -> float | None:
+    given: float | None = namespace.disturbance
+    if namespace.mission is None:
+        if given is not None or namespace.stretch:
+            raise ConfigError("--disturbance, --stretch: they are of a --trajectory, name one")
+        return None
+    return DISTURBANCE_M_S2 if given is None else given
 
 
 def run(arguments: Arguments) -> int:
@@ -118,14 +145,22 @@ def run(arguments: Arguments) -> int:
     if arguments.plot is not None:
         _plot(stated, arguments.plot, console)
     opinions = _second_opinions(stated, console) if arguments.second_opinion else {}
+    tubes = {}
+    if arguments.disturbance_m_s2 is not None:
+        from companion.certify.tube.from_config import tube_json  # noqa: PLC0415
+
+        with console.status("tube"):
+            tubes = tube_json(config, stated, arguments.disturbance_m_s2)
     if arguments.json:
         told = {"second_opinion": {name: opinion._asdict() for name, opinion in opinions.items()}} if opinions else {}
-        print(json.dumps(to_json(assessment) | told | {"link_loss": _link_loss_json(config)}))
+        print(json.dumps(to_json(assessment) | told | {"link_loss": _link_loss_json(config)} | tubes))
     for name, axis in assessment.axes.items():
         console.print(table(name, axis, assessment, _row(opinions[name]) if name in opinions else None))
     if not arguments.quick:
         own = config.vehicle.parameters.get("COM_OF_LOSS_T")
         console.print(link_loss(bounds.stated(config), bounds.proposed_s(config), own))
+    for line in tube_lines(tubes) if tubes else ():
+        console.print(line)
     if not assessment.certified:  # the reason may need the attack
         console.print(verdict(assessment))
     return 0 if assessment.certified else 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.table import Table
 
@@ -114,3 +114,15 @@ def verdict(assessment: Assessment) -> str:
         "[bold red]Not certified[/bold red] by anything tried: tune the attitude loop faster, cut the delay, or slow "
         "the reference model down."
     )
+
+
+def tube_lines(found: dict[str, Any]) -> Iterator[str]:
+    """For a person."""
+    for name, tube_m in found["tube_m"].items():
+        told = found["tube"][name]
+        weights = told["proof"]["weights"]
+        yield (
+            f"{name}: within {tube_m:.3g} m of the trajectory, {told['m_per_m_s2']:.3g} m for each m/s2: "
+            f"{told['disturbance_m_s2']:g} of disturbance and {told['feed_forward_m_s2']:.2g} that is fed forward wrong"
+        )
+        yield f"   weights {weights}" + (f"; bias {told['proof']['bias']}" if "bias" in told["proof"] else "")

@@ -222,3 +222,19 @@ def test_what_was_falsely_certified_is_refused_everywhere(
     assert ended.returncode == 1, ended.stdout
     assert reason in ended.stderr
     assert reason in refused("run", config, *NOBODY, *options, cwd=tmp_path)
+
+
+def test_a_trajectory_has_a_tube_that_says_what_is_not_proven() -> None:
+    config = RIG.with_name("trajectories.yaml")
+    ended = companion("check", config, "--quick", "--trajectory", "lemniscate", "--speed", "2", "--json")
+    assert ended.returncode == 0, ended.stderr
+    told = json.loads(ended.stdout)
+    for axis in ("x", "y"):
+        of_axis = told["tube"][axis]
+        whole = of_axis["disturbance_m_s2"] + of_axis["feed_forward_m_s2"]
+        assert told["tube_m"][axis] == pytest.approx(of_axis["m_per_m_s2"] * whole)
+        assert of_axis["proof"]["weights"].startswith("not proven: with weights that stand in a corner")
+    assert "within" in ended.stderr
+    assert "name one" in refused("check", config, "--disturbance", "1")
+    assert "not below zero" in refused("check", config, "--quick", "--trajectory", "circle", "--disturbance", "-1")
+    assert "none of hold" in refused("check", config, "--trajectory", "spiral")

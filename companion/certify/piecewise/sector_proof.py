@@ -89,13 +89,13 @@ def check_sectors(proof: SectorProof, channel: Channel) -> str:
     places = pattern(cut)
     if len(proof.lyapunov) != len(places):
         return "Lyapunov matrix has the wrong size"
-    matrices = [_matrix(proof.lyapunov, places, sector) for sector in cut]
+    matrices = [matrix_of(proof.lyapunov, places, sector) for sector in cut]
     wanted = [*falls(channel, cut, proof.scale), *positive(channel, cut, proof.scale)]
     signs: Sequence[Fraction] = proof.sign_multipliers if proof.rays else [ZERO] * len(wanted)
     if len(signs) != len(wanted) or (proof.sign_multipliers and not proof.rays):
         return "sign multipliers do not match the inequalities"
     for number, (inequality, sign) in enumerate(zip(wanted, signs, strict=True)):
-        if not positive_definite(_integers(_form(inequality, matrices[inequality.sector], weights, sign))):
+        if not positive_definite(integers_of(form_of(inequality, matrices[inequality.sector], weights, sign))):
             what = "fall" if inequality.rate else "stay positive"
             return f"the Lyapunov function does not {what} in sector {inequality.sector}, inequality {number}"
     return ""
@@ -137,20 +137,22 @@ def sector_proof_of(stated: Mapping[str, object], channel: Channel) -> SectorPro
     )
 
 
-def _matrix(entries: Sequence[Fraction], places: Mapping[tuple[int, int], int], sector: Sector) -> list[list[Fraction]]:
+def matrix_of(
+    entries: Sequence[Fraction], places: Mapping[tuple[int, int], int], sector: Sector
+) -> list[list[Fraction]]:
     """P, the entries of T of a sector."""
     pairs = list(zip(sector.places, sector.signs, strict=True))
     return [[s * t * entries[places[min(i, j), max(i, j)]] for j, t in pairs] for i, s in pairs]
 
 
-def _form(
+def form_of(
     inequality: Inequality, p: list[list[Fraction]], weights: Sequence[Fraction], sign: Fraction
 ) -> list[list[Fraction]]:
     """Lower triangle of what must be positive definite."""
     if inequality.rate:
         width = len(inequality.rate[0])
-        through = [_combined(row, inequality.rate) for row in p]  # P H
-        product = [_combined([row[i] for row in inequality.state], through) for i in range(width)]  # G' P H
+        through = [combined(row, inequality.rate) for row in p]  # P H
+        product = [combined([row[i] for row in inequality.state], through) for i in range(width)]  # G' P H
         form = [[-(product[i][j] + product[j][i]) for j in range(i + 1)] for i in range(width)]
     else:
         form = [list(row[: i + 1]) for i, row in enumerate(p)]
@@ -166,7 +168,8 @@ def _form(
     return form
 
 
-def _combined(factors: Sequence[Fraction], rows: Sequence[Row | list[Fraction]]) -> list[Fraction]:
+def combined(factors: Sequence[Fraction], rows: Sequence[Row | list[Fraction]]) -> list[Fraction]:
+    """Sum of factor times row."""
     result = [ZERO] * len(rows[0])
     for factor, row in zip(factors, rows, strict=True):
         if factor:
@@ -176,6 +179,7 @@ def _combined(factors: Sequence[Fraction], rows: Sequence[Row | list[Fraction]])
     return result
 
 
-def _integers(form: list[list[Fraction]]) -> list[list[int]]:
+def integers_of(form: list[list[Fraction]]) -> list[list[int]]:
+    """The same but for a positive factor."""
     common = math.lcm(*(entry.denominator for entry in chain.from_iterable(form)))
     return [[entry.numerator * (common // entry.denominator) for entry in row] for row in form]

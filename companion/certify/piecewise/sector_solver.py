@@ -36,7 +36,7 @@ def solve(wanted: Plan, forms: Forms, chosen: Sequence[int]) -> Candidate | None
     entries, extra = len(pattern(wanted.cut)), sum(multipliers(wanted.channel))
     signs = len(chosen) if wanted.rays else 0
     count = entries + extra + signs  # then the margin
-    blocks = _Blocks()
+    blocks = Blocks()
     diagonal = [place for (i, j), place in pattern(wanted.cut).items() if i == j]
     blocks.rows(0, diagonal, 1.0)
     offset = [float(len(diagonal))]
@@ -106,7 +106,7 @@ def _is_decided(info: Any) -> bool:
     return bool(positive or negative)
 
 
-class _Blocks:
+class Blocks:
     """Entries of the constraint matrix as they come."""
 
     def __init__(self) -> None:
@@ -115,19 +115,28 @@ class _Blocks:
         self._values: list[Floats] = []
 
     def rows(self, row: int, columns: Sequence[int], value: float) -> None:
+        """The same value in some columns of a row."""
         self._add(np.full(len(columns), row), np.asarray(columns), np.full(len(columns), value))
 
     def semidefinite(self, first: int, columns: NDArray[np.intp], matrices: Floats, margin: int) -> None:
         """`sum_k x_k M_k - margin I` in the cone, as vectors of the upper triangle by columns."""
         width = matrices.shape[1]
+        self.cone(first, columns, matrices, np.zeros((width, width)))
         column, row = np.tril_indices(width)
-        vectors = matrices[:, row, column] * np.where(row == column, 1.0, math.sqrt(2.0))
-        which, place = np.nonzero(vectors)
-        self._add(first + place, columns[which], -vectors[which, place])
         on_diagonal = np.nonzero(row == column)[0]
         self._add(first + on_diagonal, np.full(width, margin), np.ones(width))
 
+    def cone(self, first: int, columns: NDArray[np.intp], matrices: Floats, offset: Floats) -> list[float]:
+        """`sum_k x_k M_k + offset` in the cone, likewise; the right side, of the offset, is returned."""
+        column, row = np.tril_indices(matrices.shape[1])
+        factors = np.where(row == column, 1.0, math.sqrt(2.0))
+        vectors = matrices[:, row, column] * factors
+        which, place = np.nonzero(vectors)
+        self._add(first + place, columns[which], -vectors[which, place])
+        return [float(value) for value in offset[row, column] * factors]
+
     def entries(self) -> tuple[Floats, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Values, and their rows and columns."""
         return np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns))
 
     def _add(self, rows: NDArray[np.intp], columns: NDArray[np.intp], values: Floats) -> None:

@@ -1,0 +1,1 @@
+"""How far from its trajectory a bounded disturbance drives a certified loop."""
