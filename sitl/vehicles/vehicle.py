@@ -14,7 +14,7 @@ from sitl.vehicles.rotation import Quaternion, euler, quaternion
 Vector = tuple[float, float, float]
 
 
-_GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
+GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
 
 
 class VehicleState(NamedTuple):
@@ -181,7 +181,7 @@ class Quadrotor:
         if self._angle_delays is not None:
             q_wxyz = self._angle_delays.through(q_wxyz)
         self._thrust_n = thrust_n = thrust * self.thrust_share * self._full_thrust_n
-        if self._state.z_m >= -_GROUNDED_M:
+        if self._state.z_m >= -GROUNDED_M:
             if thrust_n <= self._weight_n:
                 self._rest()
                 return
@@ -208,7 +208,7 @@ class Quadrotor:
         )
 
     def on_ground(self) -> bool:
-        return self._state.z_m >= -_GROUNDED_M
+        return self._state.z_m >= -GROUNDED_M
 
     def follow_gains(self, ratios: Vector) -> None:
         params, gains, (roll, pitch, yaw) = self._params, self._params.angle_gains, ratios
