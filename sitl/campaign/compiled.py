@@ -38,11 +38,16 @@ class MissingNumbaError(CompanionError):
     """numba is not installed; the message says how to install it."""
 
 
+def require() -> None:
+    """Raises `MissingNumbaError` where numba is missing."""
+    _numba()
+
+
 def _numba() -> Any:
     try:
         import numba  # noqa: PLC0415 - an extra: flying needs none of it
     except ImportError:
-        raise MissingNumbaError("a campaign needs numba: pip install companion[campaign]") from None
+        raise MissingNumbaError("a campaign needs numba: pip install 'companion[campaign]'") from None
     return numba
 
 

@@ -47,6 +47,10 @@ class CampaignError(CompanionError):
     """A flight that the compiled loop cannot fly, or that never came under control; the message is one line."""
 
 
+class NeverInControlError(CampaignError):
+    """The flight ended before control began; the message says why."""
+
+
 class TakeOver(NamedTuple):
     """The arguments of `sitl.campaign.loop.fly`, but for the trace."""
 
@@ -94,7 +98,7 @@ def take_over(config: Config, *, hedging: bool) -> TakeOver:
         finally:
             recorder.close()
     if not found:
-        raise CampaignError(f"control never began: {summary.reason.value} ({summary.detail})")
+        raise NeverInControlError(f"control never began: {summary.reason.value} ({summary.detail})")
     return found[0]
 
 

@@ -11,15 +11,17 @@ _WIND: Final = (
 _NOISE: Final = "position_m: 0.02, velocity_m_s: 0.03, attitude_deg: 0.3, correlation_s: 0.5"
 _NOISY: Final = f"plant.sensors={{{_NOISE}}}"
 _LATE_AND_NOISY: Final = f"plant.sensors={{{_NOISE}, delay_s: 0.01, jitter_s: 0.004}}"
-_SATURATED: Final = ("controller.limits.tilt_deg=8", "controller.limits.thrust_max=0.55")
+_SATURATED: Final = ("controller.limits.tilt_deg=14", "controller.limits.thrust_max=0.55")
 _CASCADE: Final = "plant.quadrotor={mass_kg: 0.25, drag_n_s2_m2: 0.1, inertia_kg_m2: [3.0e-4, 3.0e-4, 5.0e-4], cascade: {roll_gain_1_s: 9.0, pitch_gain_1_s: 5.5, yaw_gain_1_s: 3.0, rate: {proportional_1_s: 40.0}}}"  # fmt: skip # noqa: E501
 _RIG_CASCADE: Final = "plant.rig={viscous_friction_1_s: 1.2, coulomb_friction_m_s2: 0.25, coulomb_width_m_s: 0.005, cascade: {pitch_gain_1_s: 3.0, rate: {proportional_1_s: 25.0, integral_1_s2: 20.0}}}"  # fmt: skip # noqa: E501
 _LATE_ANGLES: Final = (
     "plant.quadrotor.roll={natural_frequency_rad_s: 9.7, damping_ratio: 0.94, delay_s: 0.042}",
     "plant.quadrotor.pitch={natural_frequency_rad_s: 9.5, damping_ratio: 0.92, delay_s: 0.028}",
 )
-_UNGUARDED: Final = ("guards.tracking_error_m.enabled=false", "guards.weights_on_bound.enabled=false",
-                     "guards.envelope.enabled=false", "guards.attitude_response_deg.enabled=false")  # fmt: skip
+_GUARDS: Final = (
+    "tracking_error_m", "weights_on_bound", "envelope", "attitude_response_deg", "thrust_saturation", "tilt_error_deg",
+)  # fmt: skip
+_UNGUARDED: Final = tuple(f"guards.{guard}.enabled=false" for guard in _GUARDS)
 
 
 class EqualFlight(NamedTuple):
