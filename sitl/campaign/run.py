@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import math
 import time
@@ -99,13 +100,19 @@ def fly_batch(campaign: Campaign, batch: range) -> Flown:
     return Flown(batch, rows, time.process_time() - began_s)
 
 
+def _begin() -> None:
+    end_with_parent()
+    gc.freeze()
+
+
 def fly_all(campaign: Campaign, batches: list[range], workers: int) -> Iterator[Flown]:
     """Every batch, in the order in which they end. Raises what `fly_one` raises, and `ResultsError`."""
     if workers == 1:
+        gc.freeze()  # the flight process collects garbage before each flight: what is there now is none
         for batch in batches:
             yield fly_batch(campaign, batch)
         return
-    with ProcessPoolExecutor(workers, get_context("spawn"), end_with_parent) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), _begin) as pool:
         futures = [pool.submit(fly_batch, campaign, batch) for batch in batches]
         try:
             for future in as_completed(futures):

@@ -1,4 +1,4 @@
-"""When what happens in a flight, worked out once by the plant's own streams: it does not depend on how it flies."""
+"""When what happens in a flight, from the schedule of the plant's own streams: it does not depend on how it flies."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sitl.wire.plant import Plant
 
 
 def timeline(plant: Plant, until_us: int) -> Flags:
-    """What happens in each millisecond from now on. The plant is of no use after that: its streams have run on."""
+    """What happens in each millisecond from now on. The plant is of no use after that: its ODOMETRY has run on."""
     autopilot = plant.autopilot
     (wire,) = plant.wires
     streams, begin_us = wire.streams, autopilot.time_us
@@ -26,16 +26,11 @@ def timeline(plant: Plant, until_us: int) -> Flags:
         return state
 
     autopilot.estimate = look
-    frames: list[bytes] = []
-    while (due_us := wire.due_us) < until_us:
-        place = max((due_us - begin_us) // PHYSICS_DT_US, 0)
-        autopilot.time_us = begin_us + PHYSICS_DT_US * place
+    for build, due_us in streams.upcoming(until_us):
         looked = False
-        streams.others(due_us, frames)
-        flags[place] |= ESTIMATE * looked
-        looked = False
-        if streams.odometry_due_us <= due_us:
-            sent = streams.odometry(due_us, frames)
-            flags[place] |= READ * looked + ANSWER * sent
-        frames.clear()
+        build(0)  # a message asks for the estimate or does not, always
+        if looked:
+            flags[np.maximum(np.array(due_us) - begin_us, 0) // PHYSICS_DT_US] |= ESTIMATE
+    for at_us, read, sent in streams.upcoming_odometry(until_us):
+        flags[max(at_us - begin_us, 0) // PHYSICS_DT_US] |= READ * read + ANSWER * sent
     return flags
