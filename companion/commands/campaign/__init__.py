@@ -10,9 +10,6 @@ from typing import Any, NamedTuple
 from companion.commands.options import ConfigFile, add_config, add_json, config_file
 from companion.config import ConfigError
 
-_QUANTILES = ("50", "95", "99.9")
-_QUANTITIES = ("truth_rms_m", "truth_peak_m", "rms_m", "peak_m", "tilt_deg")
-
 
 class Arguments(NamedTuple):
     """Of `companion campaign`."""
@@ -60,6 +57,7 @@ def parse(namespace: argparse.Namespace) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     """Fly what is missing, and tell. Raises `CompanionError`."""
+    from companion.commands.campaign.report import report_of, tell  # noqa: PLC0415
     from companion.record.folder import new_folder  # noqa: PLC0415 - `--help` needs none of it
     from sitl.campaign.compiled import require  # noqa: PLC0415
     from sitl.campaign.draws import read_distributions  # noqa: PLC0415
@@ -75,11 +73,11 @@ def run(arguments: Arguments) -> int:
     folder = arguments.out or new_folder(Path("flights"), "campaign")
     results = Results(folder, identity)
     flown, cpu_s = _fly(campaign, results, arguments)
-    report = _report(results, arguments.flights, flown / cpu_s if flown else None)
+    report = report_of(results, arguments.flights, flown / cpu_s if flown else None)
     if arguments.json:
         print(json.dumps(report))
     else:
-        _tell(report)
+        tell(report)
     return 0
 
 
@@ -100,38 +98,3 @@ def _fly(campaign: Any, results: Any, arguments: Arguments) -> tuple[int, float]
             flown, cpu_s = flown + len(batch.rows), cpu_s + batch.cpu_s
             progress.advance(task, len(batch.rows))
     return flown, cpu_s
-
-
-def _report(results: Any, flights: int, rate: float | None) -> dict[str, Any]:
-    """The machine-readable contract. Quantiles are of the flights that came under control."""
-    import numpy as np  # noqa: PLC0415
-
-    table = results.merge(flights)
-    quantiles = {}
-    for name in _QUANTITIES:
-        values = np.asarray(table[name].to_pylist(), dtype=float)
-        values = values[np.isfinite(values)]
-        quantiles[name] = {q: float(np.quantile(values, float(q) / 100.0)) for q in _QUANTILES} if len(values) else {}
-    endings = table["ending"].to_pylist()
-    return {
-        "flights": len(endings),
-        "unstable": sum(table["unstable"].to_pylist()),
-        "endings": {ending: endings.count(ending) for ending in sorted(set(endings))},
-        "flights_per_s_per_core": rate,
-        "quantiles": quantiles,
-        "results": str(results.table),
-    }
-
-
-def _tell(report: dict[str, Any]) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    console, table = Console(), Table("", *(f"{q} %" for q in _QUANTILES))
-    for name, values in report["quantiles"].items():
-        table.add_row(name, *(f"{values[q]:.4f}" if values else "-" for q in _QUANTILES))
-    console.print(table)
-    rate = report["flights_per_s_per_core"]
-    console.print(f"{report['flights']} flights, {report['unstable']} unstable: {report['endings']}")
-    console.print("all of them were there" if rate is None else f"{rate:.1f} flights a second of a core")
-    console.print(f"table in [bold]{report['results']}[/bold]")
