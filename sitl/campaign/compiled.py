@@ -66,6 +66,7 @@ class _Shadows:
     def __init__(self, numba: Any, kept: FunctionType, rebound: dict[str, ModuleType]) -> None:
         self._numba, self._kept, self._rebound = numba, kept, rebound
         self._made: dict[str, ModuleType] = {}
+        self._suffix = "".join(f"_{module.__name__.rpartition('.')[2]}" for module in rebound.values())
 
     def of(self, module: ModuleType) -> ModuleType:
         name = module.__name__
@@ -88,6 +89,8 @@ class _Shadows:
         if value.__module__ != shadow.__name__:
             return getattr(self.of(sys.modules[value.__module__]), value.__name__)
         same = FunctionType(value.__code__, vars(shadow), value.__name__, value.__defaults__)
+        # Code from disk is linked by its name, the first of a name for all: what calls another vehicle needs another.
+        same.__qualname__ = f"{value.__name__}{self._suffix}"
         # A division by zero makes a number that is none, as in C, and ends the flight as such.
         return self._numba.njit(same, cache=value is self._kept, error_model="numpy")
 

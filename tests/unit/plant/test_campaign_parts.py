@@ -10,7 +10,7 @@ import pytest
 
 from companion.cli import main
 from companion.config import ConfigError
-from sitl.campaign import mersenne
+from sitl.campaign import free_vehicle, guided_vehicle, loop, mersenne
 from sitl.campaign.compiled import compiled
 from sitl.campaign.draws import draw, read_distributions
 from sitl.campaign.results import BATCH, Results, ResultsError
@@ -102,6 +102,13 @@ def test_compiled_random_numbers_are_pythons() -> None:
             assert normal(words, kept) == random.gauss(0.0, 1.0)
         else:
             assert uniform(words) == random.random()
+
+
+def test_what_is_compiled_for_one_vehicle_is_not_called_as_for_another() -> None:
+    """Kept on disk by two processes, `loop.arrive` of rig and quadrotor was one symbol: the rig's flew the quadrotor."""
+    pytest.importorskip("numba")
+    names = {compiled(loop.fly, vehicle=each).py_func.__qualname__ for each in (free_vehicle, guided_vehicle)}  # type: ignore[attr-defined]
+    assert names == {"fly_free_vehicle", "fly_guided_vehicle"}
 
 
 def test_a_table_takes_each_flight_once_and_goes_on_after_a_kill(tmp_path: Path) -> None:
