@@ -105,7 +105,7 @@ def test_compiled_random_numbers_are_pythons() -> None:
 
 
 def test_what_is_compiled_for_one_vehicle_is_not_called_as_for_another() -> None:
-    """Kept on disk by two processes, `loop.arrive` of rig and quadrotor was one symbol: the rig's flew the quadrotor."""
+    """Kept on disk by two processes, `loop.arrive` of rig and quadrotor was one symbol: the rig's flew both."""
     pytest.importorskip("numba")
     names = {compiled(loop.fly, vehicle=each).py_func.__qualname__ for each in (free_vehicle, guided_vehicle)}  # type: ignore[attr-defined]
     assert names == {"fly_free_vehicle", "fly_guided_vehicle"}
