@@ -34,6 +34,7 @@ COMMANDS: Final = (
     Command("vehicle", "the vehicle's firmware, health and settings: fit to be flown?", "companion.commands.vehicle"),
     Command("logs", "fetch the vehicle's logs: resumed, and checked for completeness", "companion.commands.logs"),
     Command("sitl", "fly the paper's experiment on the simulated plant", "companion.commands.sitl"),
+    Command("campaign", "many flights on the plant, drawn from distributions", "companion.commands.campaign"),
 )
 
 

@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import Any, ClassVar, Final, NamedTuple, Self
 
 from companion.attitude_response.exact import Interval, check_frequency, check_order, ends
+from companion.attitude_response.held import Held
 from companion.attitude_response.realisation import StateSpace
 
 EXACT: Final = Context(prec=200)
@@ -111,6 +112,11 @@ class ParametricKind(Kind):
     @abstractmethod
     def step(values: Sequence[float], dt_s: float) -> Step:
         """The exact step of `dt_s` with the set-point held. At rest it stays where the set-point is."""
+
+    @staticmethod
+    def held(values: Sequence[float], dt_s: float) -> Held | None:  # noqa: ARG004
+        """The same step as plain numbers; None for a kind that `Held` cannot describe, which campaigns do not fly."""
+        return None
 
     @staticmethod
     @abstractmethod

@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Any, ClassVar, Final, NamedTuple
 
 from companion.attitude_response.exact import Interval
+from companion.attitude_response.held import Held, advance
 from companion.attitude_response.kind import DELAY, Kind, Parameter, ParametricKind, State, Step
 from companion.attitude_response.realisation import ONE, ZERO, StateSpace
 from companion.attitude_response.transfer_function import TransferFunction
@@ -38,14 +39,18 @@ class FirstOrder(ParametricKind):
 
     @staticmethod
     def step(values: Sequence[float], dt_s: float) -> Step:
+        over = FirstOrder.held(values, dt_s)
+
+        def stepped(state: State, wanted: float) -> State:
+            output, rate = state
+            return advance(over, output, rate, wanted)
+
+        return stepped
+
+    @staticmethod
+    def held(values: Sequence[float], dt_s: float) -> Held:
         (bandwidth,) = values
-        left = math.exp(-bandwidth * dt_s)
-
-        def advance(state: State, wanted: float) -> State:
-            output = wanted + (state[0] - wanted) * left
-            return output, bandwidth * (wanted - output)  # the rate at the end of the step
-
-        return advance
+        return Held(True, math.exp(-bandwidth * dt_s), 0.0, 0.0, 0.0, 0.0, 0.0, bandwidth)
 
     @staticmethod
     def lag(values: Sequence[float], of: Callable[[Any], Any]) -> Any:
@@ -75,16 +80,18 @@ class SecondOrder(ParametricKind):
 
     @staticmethod
     def step(values: Sequence[float], dt_s: float) -> Step:
-        wn, zeta = values
-        phi11, phi12, phi21, phi22, gamma1, gamma2 = transition(wn, zeta, dt_s)
-        stiffness = wn * wn
+        over = SecondOrder.held(values, dt_s)
 
-        def advance(state: State, wanted: float) -> State:
+        def stepped(state: State, wanted: float) -> State:
             output, rate = state
-            drive = stiffness * wanted
-            return phi11 * output + phi12 * rate + gamma1 * drive, phi21 * output + phi22 * rate + gamma2 * drive
+            return advance(over, output, rate, wanted)
 
-        return advance
+        return stepped
+
+    @staticmethod
+    def held(values: Sequence[float], dt_s: float) -> Held:
+        wn, zeta = values
+        return Held(False, *transition(wn, zeta, dt_s), wn * wn)
 
     @staticmethod
     def lag(values: Sequence[float], of: Callable[[Any], Any]) -> Any:

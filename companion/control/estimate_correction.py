@@ -53,11 +53,9 @@ def step(
     east += share * (sample.y_m + tau_s * sample.vy_m_s - east)
     r_north = min(max((sample.x_m - north) / tau_s, -limit), limit)
     r_east = min(max((sample.y_m - east) / tau_s, -limit), limit)
-    corrected = sample._replace(
-        x_m=sample.x_m + k_p * r_north,
-        y_m=sample.y_m + k_p * r_east,
-        vx_m_s=sample.vx_m_s + k_v * r_north,
-        vy_m_s=sample.vy_m_s + k_v * r_east,
+    time_s, x, y, z, vx, vy, vz, qw, qx, qy, qz = sample
+    corrected = Odometry(
+        time_s, x + k_p * r_north, y + k_p * r_east, z, vx + k_v * r_north, vy + k_v * r_east, vz, qw, qx, qy, qz
     )
     # Where r was limited the state follows, or a jump would be worked off for seconds.
     return CorrectionState(sample.x_m - tau_s * r_north, sample.y_m - tau_s * r_east), corrected

@@ -200,6 +200,11 @@ class Autopilot:
         return self.time_us
 
     @property
+    def next_control_us(self) -> int:
+        """When the autopilot's turn comes next."""
+        return self._next_control_us
+
+    @property
     def told_us(self) -> int:
         """What its own clock says the time is, as ODOMETRY and TIMESYNC tell it."""
         return self.time_us if self.stamp_us is None else self.stamp_us(self.time_us)

@@ -6,7 +6,7 @@ ODOMETRY is a sample of EKF2, which there are every 8 ms, sent up to 5 ms later:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from random import Random
 from typing import Any, Final
 
@@ -45,6 +45,14 @@ class SampledOdometry:
         self.sent_us = now_us
         self._want_next()
         return frame
+
+    def upcoming(self, until_us: int) -> Iterator[tuple[int, bool, bool]]:
+        """When it is due from now on, whether it is read then, and whether it is sent; nothing is any more."""
+        self._sample, self._build = tuple, lambda *_: b""
+        while self.due_us < until_us:
+            due_us = self.due_us
+            sent = self.step(due_us, int) is not None
+            yield due_us, not sent, sent
 
     def _want_next(self) -> None:
         """The newest sample at the time that was asked for, or else the next one."""

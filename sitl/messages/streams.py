@@ -7,7 +7,7 @@ modes, for the messages that the plant has.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Final
 
@@ -186,6 +186,19 @@ class Streams:
         if build is None or (news is not None and self._told.get(message_id) == news):
             return None
         return build(self.next_sequence())
+
+    def upcoming(self, until_us: int) -> list[tuple[Build, range]]:
+        """What builds each message but ODOMETRY, and when it is due from now on."""
+        return [(stream.build, range(stream.due_us, until_us, stream.interval_us)) for stream in self._others]
+
+    def upcoming_odometry(self, until_us: int) -> Iterator[tuple[int, bool, bool]]:
+        """When ODOMETRY is due from now on, whether it is filled then, and whether it is sent. It runs on by that."""
+        stream = self._odometry
+        if isinstance(stream, SampledOdometry):
+            yield from stream.upcoming(until_us)
+        elif stream is not None:
+            for due_us in range(stream.due_us, until_us, stream.interval_us):
+                yield due_us, True, True
 
     def next_sequence(self) -> int:
         """The sequence number of one more frame."""

@@ -6,9 +6,10 @@ Pure steps over flat records, as in `companion.control`.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from companion.attitude_response.discrete import step
+from companion.attitude_response.held import Held
 from companion.attitude_response.kind import LinearResponse, State
 from companion.attitude_response.kinds import FirstOrder, SecondOrder
 
@@ -23,6 +24,14 @@ def respond(
     state = (angle_rad, rate_rad_s, *(further or (0.0,) * response.kind.further))
     angle, rate, *rest = step(response, dt_s)(state, wanted_rad)
     return angle, rate, tuple(rest)
+
+
+NO_RESPONSE: Final = Held(True, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def held(response: LinearResponse, dt_s: float) -> Held:
+    """The response over a step of `dt_s` as plain numbers; `NO_RESPONSE` for a kind that they do not describe."""
+    return response.kind.held(response.values, dt_s) or NO_RESPONSE
 
 
 def with_gain(response: LinearResponse, ratio: float) -> LinearResponse:

@@ -6,14 +6,13 @@ velocity against the air.
 
 from __future__ import annotations
 
-from math import atan2, copysign, cos, inf, radians, sin, sqrt
+from math import inf
 from typing import Final, NamedTuple
 
-from companion.attitude_response import discrete
 from companion.attitude_response.kind import LinearResponse, State
 from companion.attitude_response.kinds import SecondOrder
-from companion.control.types import GRAVITY_M_S2
-from sitl.vehicles.attitude_loop import AngleGains, RateGains, RateState, rate_step, respond, wanted_rates
+from sitl.vehicles.attitude_loop import NO_RESPONSE, AngleGains, RateGains, RateState, held, respond
+from sitl.vehicles.body import Body, drift, fly, follow, limit_turn, short_way, turn_by_cascade
 from sitl.vehicles.rotation import Quaternion, euler, quaternion
 
 
@@ -67,16 +66,32 @@ class Effects(NamedTuple):
     pitch_bias_rad: float
 
 
-UNEVEN_MOTORS_RAD_S2: Final = radians(4.5)
-"""How uneven motors turn it where nothing controls its rotation: 9 degrees in 2 s, seen on PX4's SIH."""
 YAW_ACCELERATION_RAD_S2: Final = 2.3
 """What the motors turn a yaw of second order by. A step of 171 degrees then overshoots by 18, as seen on PX4's SIH."""
 
 CALM: Final = Effects(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-_Turned = tuple[float, float, float, float, float, float, float, RateState, RateState, RateState]
-"""What turns, a step later: the fields of a state from `qw` to `yaw_loop`."""
+def body(params: QuadrotorParams, dt_s: float) -> Body:
+    """For steps of `dt_s`."""
+    limited = params.yaw.kind is SecondOrder  # the rate of a first order jumps
+    return Body(
+        params.mass_kg,
+        params.drag_n_s2_m2 / params.mass_kg,
+        params.inertia_x_kg_m2,
+        params.inertia_y_kg_m2,
+        params.inertia_z_kg_m2,
+        params.cascade,
+        held(params.roll, dt_s),
+        held(params.pitch, dt_s),
+        held(params.yaw, dt_s),
+        YAW_ACCELERATION_RAD_S2 * dt_s if limited else inf,
+        params.angle_gains,
+        params.roll_rate,
+        params.pitch_rate,
+        params.yaw_rate,
+        dt_s,
+    )
 
 
 class Dynamics:
@@ -84,12 +99,8 @@ class Dynamics:
 
     def __init__(self, params: QuadrotorParams, dt_s: float) -> None:
         self._params, self._dt_s = params, dt_s
-        self._drag_1_m = params.drag_n_s2_m2 / params.mass_kg
-        axes = (params.roll, params.pitch, params.yaw)
-        self._plain = not any(axis.kind.further for axis in axes)
-        self._roll, self._pitch, self._yaw = (discrete.step(axis, dt_s) for axis in axes)
-        limited = params.yaw.kind is SecondOrder  # the rate of a first order jumps
-        self._most_turn_rad_s = YAW_ACCELERATION_RAD_S2 * dt_s if limited else inf
+        self.constants = body(params, dt_s)
+        self._plain = NO_RESPONSE not in (self.constants.roll, self.constants.pitch, self.constants.yaw)
         self._wanted: Quaternion | None = None  # a set-point stands for many steps: the last one,
         self._wanted_angles = (0.0, 0.0, 0.0)  # and its angles
 
@@ -104,86 +115,44 @@ class Dynamics:
         Under `UNCONTROLLED` it goes on turning as it does.
         Without the cascade each Euler angle follows its own response; the body rates are the angle rates, as in (9).
         """
-        params, dt_s = self._params, self._dt_s
+        constants = self.constants
         wind_north, wind_east, wind_down, roll_bias, pitch_bias = effects
         if roll_bias or pitch_bias:
             roll, pitch, yaw = euler(*wanted)
             wanted = quaternion(roll + roll_bias, pitch + pitch_bias, yaw)
-        x, y, z, old_vx, old_vy, old_vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state
+        x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further = state
         if wanted[0] != wanted[0]:
-            qw, qx, qy, qz, p = self._drift(state)
-        elif params.cascade:
-            qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop = self._cascade(state, wanted)
+            qw, qx, qy, qz, p, q, r = drift((qw, qx, qy, qz), (p, q, r), self._dt_s)
+        elif constants.cascade:
+            qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop = turn_by_cascade(
+                constants, (qw, qx, qy, qz), (p, q, r), (roll_loop, pitch_loop, yaw_loop), wanted
+            )
         else:
             if wanted is not self._wanted:
                 self._wanted, self._wanted_angles = wanted, euler(*wanted)
-            roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
-            roll, pitch, yaw = euler(qw, qx, qy, qz)
-            turn, yaw_before, r_before = yaw_wanted - yaw, yaw, r
-            yaw_wanted = yaw + atan2(sin(turn), cos(turn))  # the short way round
             if self._plain:
-                roll, p = self._roll((roll, p), roll_wanted)
-                pitch, q = self._pitch((pitch, q), pitch_wanted)
-                yaw, r = self._yaw((yaw, r), yaw_wanted)
+                qw, qx, qy, qz, p, q, r = follow(constants, (qw, qx, qy, qz), (p, q, r), self._wanted_angles)
             else:
-                of_roll, of_pitch, of_yaw = further
-                roll, p, of_roll = respond(params.roll, roll, p, of_roll, roll_wanted, dt_s)
-                pitch, q, of_pitch = respond(params.pitch, pitch, q, of_pitch, pitch_wanted, dt_s)
-                yaw, r, of_yaw = respond(params.yaw, yaw, r, of_yaw, yaw_wanted, dt_s)
-                further = (of_roll, of_pitch, of_yaw)
-            if abs(r - r_before) > self._most_turn_rad_s:
-                r = r_before + copysign(self._most_turn_rad_s, r - r_before)
-                yaw = yaw_before + 0.5 * dt_s * (r_before + r)
-            qw, qx, qy, qz = quaternion(roll, pitch, yaw)
-
-        lift = thrust_n / params.mass_kg
-        air_x, air_y, air_z = old_vx - wind_north, old_vy - wind_east, old_vz - wind_down
-        drag = self._drag_1_m * sqrt(air_x * air_x + air_y * air_y + air_z * air_z)
-        vx = old_vx - dt_s * (lift * 2.0 * (qx * qz + qw * qy) + drag * air_x)
-        vy = old_vy - dt_s * (lift * 2.0 * (qy * qz - qw * qx) + drag * air_y)
-        vz = old_vz + dt_s * (GRAVITY_M_S2 - lift * (1.0 - 2.0 * (qx * qx + qy * qy)) - drag * air_z)
+                (qw, qx, qy, qz, p, q, r), further = self._follow_of_higher_order(state)
+        x, y, z, vx, vy, vz = fly(
+            constants, (x, y, z), (vx, vy, vz), (qw, qx, qy, qz), thrust_n, (wind_north, wind_east, wind_down)
+        )
         return QuadrotorState._make((  # four times as fast as by its fields
-            x + dt_s * 0.5 * (old_vx + vx),
-            y + dt_s * 0.5 * (old_vy + vy),
-            z + dt_s * 0.5 * (old_vz + vz),
-            vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
+            x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, roll_loop, pitch_loop, yaw_loop, further,
         ))  # fmt: skip
 
-    def _drift(self, state: QuadrotorState) -> tuple[float, float, float, float, float]:
-        """Quaternion and roll rate: the rates stay, but for what uneven motors do."""
-        dt_s = self._dt_s
-        w, x, y, z, p, q, r = state[6:13]
-        p += dt_s * UNEVEN_MOTORS_RAD_S2
-        rate = sqrt(p * p + q * q + r * r)
-        half = 0.5 * rate * dt_s
-        s = sin(half) / rate if rate > 0.0 else 0.5 * dt_s
-        cw, cx, cy, cz = cos(half), s * p, s * q, s * r
-        return (
-            w * cw - x * cx - y * cy - z * cz,
-            w * cx + x * cw + y * cz - z * cy,
-            w * cy - x * cz + y * cw + z * cx,
-            w * cz + x * cy - y * cx + z * cw,
-            p,
-        )
-
-    def _cascade(self, state: QuadrotorState, wanted: Quaternion) -> _Turned:
-        """The cascade (7) on the rotational dynamics (1)."""
+    def _follow_of_higher_order(
+        self, state: QuadrotorState
+    ) -> tuple[tuple[float, float, float, float, float, float, float], tuple[State, State, State]]:
+        """`follow`, of responses that have states beside angle and rate."""
         params, dt_s = self._params, self._dt_s
-        w, x, y, z, old_p, old_q, old_r, roll_loop, pitch_loop, yaw_loop = state[6:16]
-        p_wanted, q_wanted, r_wanted = wanted_rates(params.angle_gains, wanted, (w, x, y, z))
-        roll_loop, p_dot = rate_step(params.roll_rate, roll_loop, p_wanted, old_p, dt_s)
-        pitch_loop, q_dot = rate_step(params.pitch_rate, pitch_loop, q_wanted, old_q, dt_s)
-        yaw_loop, r_dot = rate_step(params.yaw_rate, yaw_loop, r_wanted, old_r, dt_s)
-        jx, jy, jz = params.inertia_x_kg_m2, params.inertia_y_kg_m2, params.inertia_z_kg_m2
-        p = old_p + dt_s * (p_dot - (jz - jy) / jx * old_q * old_r)
-        q = old_q + dt_s * (q_dot - (jx - jz) / jy * old_r * old_p)
-        r = old_r + dt_s * (r_dot - (jy - jx) / jz * old_p * old_q)
-        angle = sqrt(p * p + q * q + r * r) * dt_s
-        s = (0.5 - angle * angle / 48.0) * dt_s  # sin(angle/2)/|ω|, to fourth order in a small angle
-        cw, cx, cy, cz = 1.0 - angle * angle / 8.0, s * p, s * q, s * r
-        qw = w * cw - x * cx - y * cy - z * cz
-        qx = w * cx + x * cw + y * cz - z * cy
-        qy = w * cy - x * cz + y * cw + z * cx
-        qz = w * cz + x * cy - y * cx + z * cw
-        norm = sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
-        return qw / norm, qx / norm, qy / norm, qz / norm, p, q, r, roll_loop, pitch_loop, yaw_loop
+        roll_wanted, pitch_wanted, yaw_wanted = self._wanted_angles
+        of_roll, of_pitch, of_yaw = state.further
+        roll, pitch, yaw = euler(state.qw, state.qx, state.qy, state.qz)
+        yaw_before, r_before = yaw, state.r_rad_s
+        yaw_wanted = short_way(yaw, yaw_wanted)
+        roll, p, of_roll = respond(params.roll, roll, state.p_rad_s, of_roll, roll_wanted, dt_s)
+        pitch, q, of_pitch = respond(params.pitch, pitch, state.q_rad_s, of_pitch, pitch_wanted, dt_s)
+        yaw, r, of_yaw = respond(params.yaw, yaw, r_before, of_yaw, yaw_wanted, dt_s)
+        yaw, r = limit_turn(self.constants.most_turn_rad_s, yaw_before, r_before, yaw, r, dt_s)
+        return (*quaternion(roll, pitch, yaw), p, q, r), (of_roll, of_pitch, of_yaw)

@@ -14,7 +14,7 @@ from sitl.vehicles.rotation import Quaternion, euler, quaternion
 Vector = tuple[float, float, float]
 
 
-_GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
+GROUNDED_M: Final = 1e-4  # above the ground, and not off it yet
 
 
 class VehicleState(NamedTuple):
@@ -91,7 +91,8 @@ class Rig:
         self.thrust_share = 1.0
         self.effects = quadrotor.CALM
         self.push_m_s2 = 0.0
-        self._params, self._identified, self._dt_s = params, params, dt_s
+        self._identified, self._dt_s = params, dt_s
+        self._dynamics = rig.Dynamics(params, dt_s)
         self._state = rig.RigState(0.0, 0.0, 0.0, 0.0, RateState(0.0, 0.0))
         self._delay = _Delay(delay_s, dt_s)
         self._thrust_ratio = 0.0
@@ -118,16 +119,17 @@ class Rig:
         if math.isnan(w):
             w, x, y, z = self.state.q_wxyz  # what is no attitude: it stays
         pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
-        self._state = rig.step(self._params, self._state, pitch, self._thrust_ratio, self._dt_s, self.push_m_s2)
+        self._state = self._dynamics.step(self._state, pitch, self._thrust_ratio, self.push_m_s2)
 
     def on_ground(self) -> bool:
         return False
 
     def follow_gains(self, ratios: Vector) -> None:
         params, (_, pitch, _) = self._identified, ratios
-        self._params = params._replace(
+        changed = params._replace(
             response=with_gain(params.response, pitch), pitch_gain_1_s=pitch * params.pitch_gain_1_s
         )
+        self._dynamics = rig.Dynamics(changed, self._dt_s)
 
 
 class Quadrotor:
@@ -179,7 +181,7 @@ class Quadrotor:
         if self._angle_delays is not None:
             q_wxyz = self._angle_delays.through(q_wxyz)
         self._thrust_n = thrust_n = thrust * self.thrust_share * self._full_thrust_n
-        if self._state.z_m >= -_GROUNDED_M:
+        if self._state.z_m >= -GROUNDED_M:
             if thrust_n <= self._weight_n:
                 self._rest()
                 return
@@ -206,7 +208,7 @@ class Quadrotor:
         )
 
     def on_ground(self) -> bool:
-        return self._state.z_m >= -_GROUNDED_M
+        return self._state.z_m >= -GROUNDED_M
 
     def follow_gains(self, ratios: Vector) -> None:
         params, gains, (roll, pitch, yaw) = self._params, self._params.angle_gains, ratios

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from sitl.vehicles.quadrotor import CALM, Effects
 from sitl.vehicles.vehicle import Vehicle
-from sitl.world.wind import STILL, Dryden, Gust, Vector, dryden, dryden_step, gust_share
+from sitl.world.wind import STILL, Dryden, Gust, Vector, dryden, dryden_step, gusty, turbulent
 
 STEP_S: Final = 0.01
 
@@ -74,15 +74,10 @@ class Environment:
         self._vehicle.effects = CALM if effects == CALM else effects
 
     def _blowing(self, wind: Wind, time_s: float) -> Vector:
-        north, east, down = wind.mean_ned_m_s
-        if wind.gust is not None:
-            share = gust_share(wind.gust, time_s)
-            peak_north, peak_east, peak_down = wind.gust.peak_ned_m_s
-            north, east, down = north + share * peak_north, east + share * peak_east, down + share * peak_down
+        blowing = wind.mean_ned_m_s if wind.gust is None else gusty(wind.mean_ned_m_s, wind.gust, time_s)
         if self._dryden is not None:
             normal = self._random.gauss
             noise = (normal(0, 1), normal(0, 1), normal(0, 1), normal(0, 1), normal(0, 1))
-            self._turbulence, (along, across, vertical) = dryden_step(self._dryden, self._turbulence, noise)
-            c, s = self._along
-            north, east, down = north + c * along - s * across, east + s * along + c * across, down + vertical
-        return north, east, down
+            self._turbulence, turbulence = dryden_step(self._dryden, self._turbulence, noise)
+            blowing = turbulent(blowing, self._along, turbulence)
+        return blowing

@@ -12,16 +12,17 @@ from itertools import pairwise
 from random import Random
 from typing import Final, NamedTuple
 
-from sitl.vehicles.rotation import Quaternion, euler, quaternion, turned
+from sitl.vehicles.rotation import Quaternion, turned
 from sitl.vehicles.vehicle import Vector, VehicleState
 from sitl.world.lies import Liar
 from sitl.world.navigation_error import ErrorState, NavigationError, settled
 from sitl.world.navigation_error import step as step_error
+from sitl.world.sensing import between, noisy
 
 _STILL: Final = (0.0, 0.0, 0.0)
 _FORGET_S: Final = 1.0  # time in which a jump of the velocity estimate converges back to the truth
-_LONGEST_DELAY_S: Final = 1.0
-_LONGEST_STEP_S: Final = 0.02  # of the errors
+LONGEST_DELAY_S: Final = 1.0
+LONGEST_STEP_S: Final = 0.02  # of the errors
 
 
 class Noise(NamedTuple):
@@ -109,7 +110,7 @@ class Estimator:
     def _step_errors(self, dt_s: float) -> None:
         if self._error is None or dt_s <= 0.0:
             return
-        steps = math.ceil(dt_s / _LONGEST_STEP_S)
+        steps = math.ceil(dt_s / LONGEST_STEP_S)
         for _ in range(steps):
             self._errors = [
                 step_error(axis, state, dt_s / steps, self._normal(), self._normal(), self._normal())
@@ -128,10 +129,10 @@ class Estimator:
             return truth
         past = self._past
         past.append((now_us, truth))
-        while len(past) > 2 and now_us - past[1][0] > 1e6 * _LONGEST_DELAY_S:
+        while len(past) > 2 and now_us - past[1][0] > 1e6 * LONGEST_DELAY_S:
             past.popleft()
         age_s = self.lag.delay_s + self.lag.jitter_s * self._random.random()
-        wanted_us = now_us - min(age_s, _LONGEST_DELAY_S) * 1e6
+        wanted_us = now_us - min(age_s, LONGEST_DELAY_S) * 1e6
         for (later_us, later), (earlier_us, earlier) in pairwise(reversed(past)):
             if earlier_us <= wanted_us:
                 return _between(earlier, later, (wanted_us - earlier_us) / (later_us - earlier_us))
@@ -162,27 +163,16 @@ class Estimator:
             (*(noise.position_m,) * 3, *(noise.velocity_m_s,) * 3, *(noise.attitude_rad,) * 3)
         ):
             state[place] = decay * state[place] + deviation * drive * normal(0.0, 1.0)
-        roll, pitch, yaw = euler(*q_wxyz)
-        return (
-            (position[0] + state[0], position[1] + state[1], position[2] + state[2]),
-            (velocity[0] + state[3], velocity[1] + state[4], velocity[2] + state[5]),
-            quaternion(roll + state[6], pitch + state[7], yaw + state[8]),
-        )
+        ex, ey, ez, evx, evy, evz, roll, pitch, yaw = state
+        return noisy((position, velocity, q_wxyz), (ex, ey, ez), (evx, evy, evz), (roll, pitch, yaw))
 
 
 def _between(a: VehicleState, b: VehicleState, share: float) -> VehicleState:
-    def mixed(p: Vector, q: Vector) -> Vector:
-        return (p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2]))
-
-    w, x, y, z = (p + share * (q - p) for p, q in zip(a.q_wxyz, b.q_wxyz, strict=True))
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    return VehicleState(
-        mixed(a.position_ned_m, b.position_ned_m),
-        mixed(a.velocity_ned_m_s, b.velocity_ned_m_s),
-        (w / norm, x / norm, y / norm, z / norm),
-        mixed(a.rates_frd_rad_s, b.rates_frd_rad_s),
-        b.specific_force_frd_m_s2,
-    )
+    position, velocity, q_wxyz = between(a[:3], b[:3], share)
+    px, py, pz = a.rates_frd_rad_s
+    qx, qy, qz = b.rates_frd_rad_s
+    rates = (px + share * (qx - px), py + share * (qy - py), pz + share * (qz - pz))
+    return VehicleState(position, velocity, q_wxyz, rates, b.specific_force_frd_m_s2)
 
 
 def _vector(values: Iterable[float]) -> Vector:

@@ -43,6 +43,22 @@ def gust_share(gust: Gust, time_s: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * falling / gust.rise_s)) if falling < gust.rise_s else 0.0
 
 
+def gusty(mean_ned_m_s: Vector, gust: Gust, time_s: float) -> Vector:
+    """Steady wind and gust together."""
+    share = gust_share(gust, time_s)
+    north, east, down = mean_ned_m_s
+    peak_north, peak_east, peak_down = gust.peak_ned_m_s
+    return north + share * peak_north, east + share * peak_east, down + share * peak_down
+
+
+def turbulent(steady_ned_m_s: Vector, along: tuple[float, float], turbulence: Vector) -> Vector:
+    """Turbulence (along, across, vertical) upon a wind; `along` is the direction of the mean, north and east."""
+    north, east, down = steady_ned_m_s
+    ahead, across, vertical = turbulence
+    c, s = along
+    return north + c * ahead - s * across, east + s * ahead + c * across, down + vertical
+
+
 class Dryden(NamedTuple):
     """The three filters over one step, discretised exactly: along the wind, across it, vertical."""
 

@@ -51,7 +51,7 @@ def test_rig_28_falls_along_the_guide_with_minus_g_sine_theta() -> None:
     params = rig.RigParams(0.0, 0.0, 0.005, False, LinearResponse(FirstOrder, (1e6,)), 0.0, RATE)
     state = rig.RigState(0.0, 0.0, 0.2, 0.0, REST)
     for _ in range(1000):
-        state = rig.step(params, state, 0.2, 1.0, 1e-3)
+        state = rig.Dynamics(params, 1e-3).step(state, 0.2, 1.0)
     assert state.velocity_m_s == pytest.approx(-9.81 * math.sin(0.2))
     assert state.position_m == pytest.approx(-0.5 * 9.81 * math.sin(0.2), rel=1e-6)
 
@@ -60,7 +60,7 @@ def test_rig_friction_stops_it() -> None:
     params = rig.RigParams(1.2, 0.25, 0.005, False, LinearResponse(FirstOrder, (3.0,)), 0.0, RATE)
     state = rig.RigState(0.0, 0.5, 0.0, 0.0, REST)
     for _ in range(3000):
-        state = rig.step(params, state, 0.0, 1.0, 1e-3)
+        state = rig.Dynamics(params, 1e-3).step(state, 0.0, 1.0)
     assert abs(state.velocity_m_s) < 1e-3
     assert 0.1 < state.position_m < 0.5 / 1.2
 
@@ -69,7 +69,7 @@ def test_rig_27_cascade_follows_like_its_gain() -> None:
     params = rig.RigParams(0.0, 0.0, 0.005, True, LinearResponse(FirstOrder, (1.0,)), 3.0, RATE)
     state, t63 = rig.RigState(0.0, 0.0, 0.0, 0.0, REST), 0.0
     while state.pitch_rad < 0.1 * (1.0 - math.exp(-1.0)):
-        state = rig.step(params, state, 0.1, 1.0, 1e-3)
+        state = rig.Dynamics(params, 1e-3).step(state, 0.1, 1.0)
         t63 += 1e-3
     assert t63 == pytest.approx(1.0 / 3.0, rel=0.15)
 
