@@ -94,7 +94,7 @@ class Autopilot(FakeAutopilot):
         self._socket.close()
 
     def _due(self, rate_hz: float, seconds: float) -> Iterator[None]:
-        """Wake up at the rate; what has been missed by more than a period is not made up for."""
+        """Wake up at the rate, and end when the next is due; what has been missed by more than a period is lost."""
         period_s = 1.0 / rate_hz
         due_s = time.monotonic()
         until_s = due_s + seconds
@@ -102,6 +102,7 @@ class Autopilot(FakeAutopilot):
             time.sleep(max(0.0, due_s - time.monotonic()))
             yield
             due_s = max(due_s + period_s, time.monotonic() - period_s)
+        time.sleep(max(0.0, due_s - time.monotonic()))  # what follows is due then: the vehicle's clock runs as ours
 
     def _sample(self, rate_hz: float) -> bytes:
         """The next ODOMETRY: a slow circle at 1 m."""

@@ -76,6 +76,8 @@ def unseen(name: str) -> str | None:
     if kind == "drift" and of != "attitude":
         return "position and velocity agree, and it begins as slowly as wind"
     if kind == "still":
+        if of.startswith("z"):
+            return "position and velocity agree that it stands still under a payload that it carries"
         return "position and velocity agree that it stands still in a wind that it leans against"
     if kind == "slide" and of in POSITION[:2] and preset == "gps":
         return "slower than what GPS itself is wrong by"

@@ -7,7 +7,6 @@ ends as one line on stderr.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib
 import sys
 from typing import Any, Final, NamedTuple, NoReturn, Protocol
@@ -15,7 +14,7 @@ from typing import Any, Final, NamedTuple, NoReturn, Protocol
 from companion import __version__
 from companion.errors import CompanionError, printable
 from companion.safe_path import leave_current_directory
-from companion.standard_streams import open_missing
+from companion.standard_streams import FULL, end_output, open_missing, output_lost
 
 
 class Command(NamedTuple):
@@ -94,6 +93,8 @@ def main(argv: list[str] | None = None) -> None:
         code = 130
     except BrokenPipeError:
         code = 1
-    with contextlib.suppress(BrokenPipeError):
-        sys.stdout.flush()
-    sys.exit(code)
+    except OSError as error:
+        if error.errno not in FULL or error.filename is not None:
+            raise
+        code = output_lost(error)
+    sys.exit(end_output() or code)

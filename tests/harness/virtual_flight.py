@@ -34,7 +34,10 @@ _PATIENCE_S: Final = 60.0  # of virtual time, for what a test waits for; and of 
 
 
 class VirtualLink:
-    """The companion's end. Implements `companion.mavlink.link.Link`."""
+    """The companion's end. Implements `companion.mavlink.link.Link`.
+
+    Attributes: `error`, what every receipt raises, once it has worked for `works` more; `closed`.
+    """
 
     stream = False
     name = "virtual"
@@ -45,9 +48,15 @@ class VirtualLink:
         self._incoming: deque[bytes] = deque()
         self._heard = False  # as over UDP: where the companion is, is not known before
         self.closed = False
+        self.error: Exception | None = None
+        self.works = 0
 
     def receive(self) -> bytes:
         self._before_wait()
+        if self.error is not None:
+            self.works -= 1
+            if self.works < 0:
+                raise self.error
         if self.closed:
             raise LinkError("the test is over")
         clock, until_s = self._clock, self._clock.now_s + RECEIVE_S

@@ -80,3 +80,13 @@ def test_what_is_told_goes_nowhere_else(closed: tuple[int, ...]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     complaint = "" if 2 in closed else "companion: none.yaml: no such file\n"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", complaint)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_output_that_cannot_be_written_is_one_line(options: tuple[str, ...]) -> None:
+    command = [sys.executable, "-m", "companion", "check", str(RIG), *options]
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT)
+    complaint = "companion: standard output: No space left on device: not all of it was written"
+    assert (done.returncode, done.stderr.splitlines()[-1:], "Traceback" in done.stderr) == (1, [complaint], False)

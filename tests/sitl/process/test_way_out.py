@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,18 +21,9 @@ from companion.record.reader import read_flight
 ERRORS = (OverflowError("int too large to convert to float"), MemoryError(), RecursionError(), KeyError(7))
 
 
-def after(calls: int, function: Callable[[], bytes], error: Exception) -> Callable[[], bytes]:
-    """It works so often, and then never again."""
-    left = calls
-
-    def failing() -> bytes:
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise error
-        return function()
-
-    return failing
+def fail(flight: VirtualFlight, error: Exception, after: int = 0) -> None:
+    """What is heard raises, from then on, or once it has worked so often."""
+    flight._link.error, flight._link.works = error, after
 
 
 def hold_asked_for(flight: VirtualFlight) -> bool:
@@ -49,8 +39,7 @@ def test_an_error_while_the_vehicle_is_handed_back_keeps_nothing_from_it(
     with flown(tmp_path) as flight:
         flight.until("^engaged")
         flight.process.stop()
-        link = flight._link
-        link.receive = after(1 + heard, link.receive, error)  # type: ignore[method-assign]
+        fail(flight, error, 1 + heard)
         assert flight.exit_code(20.0) == 0
         assert hold_asked_for(flight)
         assert flight.autopilot.mode == HOLD
@@ -63,8 +52,7 @@ def test_what_ends_control_and_what_then_goes_wrong_are_both_told(tmp_path: Path
     """One defect for all: it ends control as `internal_error`, and meets every further step too."""
     with flown(tmp_path) as flight:
         flight.until("^engaged")
-        link = flight._link
-        link.receive = after(0, link.receive, OverflowError("too large"))  # type: ignore[method-assign]
+        fail(flight, OverflowError("too large"))
         assert flight.exit_code(20.0) == 1
         assert hold_asked_for(flight)
     assert read_flight(flight.folder).events[-1].name == "released_internal_error"
