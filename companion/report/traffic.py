@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.mavlink.codec import Layout
+from companion.mavlink.codec import INCOMPAT_SIGNED, MAGIC_V2, Layout
 from companion.report.model import Array
 
+_AUTOPILOT = 1  # component id
 _MOST = 20_000  # odometry messages unpacked for their variances
 _ODOMETRY, _TIMESYNC, _STATUS, _TEXT = (
     mavlink.MAVLINK_MSG_ID_ODOMETRY,
@@ -44,14 +45,14 @@ def read(path: Path, system_id: int) -> Traffic:
     """Read to the first record that is not whole. Raises `OSError`."""
     said: dict[int, list[tuple[float, bytes]]] = {number: [] for number in _WANTED}
     data = path.read_bytes()
-    at, end = 0, len(data)
-    while at + 20 <= end and data[at + 8] == 0xFD:
-        size = data[at + 9] + 12 + 13 * (data[at + 10] & 1)
+    at, end, unpack_time = 0, len(data), struct.Struct(">Q").unpack_from
+    while at + 20 <= end and data[at + 8] == MAGIC_V2:
+        length = data[at + 9]
         number = data[at + 15] | data[at + 16] << 8 | data[at + 17] << 16
-        if number in _WANTED and data[at + 13] == system_id and data[at + 14] == 1:
-            (time_us,) = struct.unpack_from(">Q", data, at)
-            said[number].append((time_us * 1e-6, data[at + 18 : at + 18 + data[at + 9]]))
-        at += 8 + size
+        if number in _WANTED and data[at + 13] == system_id and data[at + 14] == _AUTOPILOT:
+            (time_us,) = unpack_time(data, at)
+            said[number].append((time_us * 1e-6, data[at + 18 : at + 18 + length]))
+        at += length + (33 if data[at + 10] & INCOMPAT_SIGNED else 20)
     layout = Layout("ODOMETRY")
     stamp, place = layout.index("time_usec"), layout.place("pose_covariance")
     assert isinstance(place, slice)
