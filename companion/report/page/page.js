@@ -85,7 +85,7 @@ function drawPaths() {
     const ratio = devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight, g = canvas.getContext("2d");
     canvas.width = w * ratio; canvas.height = h * ratio; g.scale(ratio, ratio);
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    for (let i = 0; i < at.length; i++) { const k = i % 3, v = at[i]; if (Number.isFinite(v)) { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); } }
+    for (const of of [at, wanted]) for (let i = 0; i < of.length; i++) { const k = i % 3, v = of[i]; if (Number.isFinite(v)) { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); } }
     const mid = low.map((v, k) => (v + high[k]) / 2), size = Math.max(0.5, Math.hypot(...low.map((v, k) => high[k] - v)));
     const scale = (0.85 * Math.min(w, h) * zoom) / size, ct = Math.cos(turn), st = Math.sin(turn), cl = Math.cos(lift), sl = Math.sin(lift);
     const flat = (n, e, d) => { n -= mid[0]; e -= mid[1]; d -= mid[2]; const a = e * ct - n * st, b = n * ct + e * st; return [w / 2 + scale * a, h / 2 - scale * (b * sl - d * cl)]; };
@@ -153,7 +153,7 @@ function range(id) { // the same for all flights, over what is shown at first
   for (const p of panelsOf(id)) if (p) {
     for (const c of p.columns) for (let i = 0; i < c.length; i++) if (c[i] !== null && p.time[i] >= whole[0] && p.time[i] <= whole[1]) { const v = c[i]; if (v < low) low = v; if (v > high) high = v; }
     const reach = high - low;
-    for (const [, v] of p.limits) if (v <= high + 2 * reach && v >= low - 2 * reach) { low = Math.min(low, v); high = Math.max(high, v); }
+    for (const [, v] of p.limits) if (id.endsWith("-weight") || (v <= high + 2 * reach && v >= low - 2 * reach)) { low = Math.min(low, v); high = Math.max(high, v); }
   }
   if (!(high >= low)) return [0, 1];
   const pad = 0.06 * (high - low) || 0.05 * Math.abs(high) || 0.1;
