@@ -30,6 +30,7 @@ COMMANDS: Final = (
     Command("check", "prove, before flight, that the attitude loop is fast enough", "companion.commands.check"),
     Command("identify", "the attitude response from a flight log", "companion.commands.identify"),
     Command("design", "from a flight log to a certified config: the fastest it allows", "companion.commands.design"),
+    Command("report", "flights as one page: why they ended, what came near its limit", "companion.commands.report"),
     Command("vehicle", "the vehicle's firmware, health and settings: fit to be flown?", "companion.commands.vehicle"),
     Command("logs", "fetch the vehicle's logs: resumed, and checked for completeness", "companion.commands.logs"),
     Command("sitl", "fly the paper's experiment on the simulated plant", "companion.commands.sitl"),

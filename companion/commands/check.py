@@ -19,8 +19,8 @@ from companion.certify.from_config import problem
 from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.statement import statement
-from companion.commands.check_report import ANGLES, link_loss, table, tube_lines, verdict
 from companion.commands.options import ConfigFile, add_anyway, add_config, add_json, config_file
+from companion.commands.tables.check_report import ANGLES, link_loss, table, tube_lines, verdict
 from companion.config import Config, ConfigError
 
 if TYPE_CHECKING:  # the solver takes most of a second to import, which --verify need not wait for

@@ -20,8 +20,8 @@ from companion.certify.designing.px4_reference_model import Proposal, propose, s
 from companion.certify.from_config import certificate_path, problem
 from companion.certify.problem import Problem
 from companion.certify.statement import Json
-from companion.commands.design_report import Designed, show, to_json
 from companion.commands.options import ConfigFile, add_anyway, add_json, add_logs, refuse_slips
+from companion.commands.tables.design_report import Designed, show, to_json
 from companion.config import Config, ConfigError, load_text
 from companion.config.edit import KeyPath, added, edited, flow, key_paths
 from companion.config.estimator import VelocityError

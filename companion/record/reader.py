@@ -14,13 +14,14 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message
-from mcap.stream_reader import breakup_chunk
+from mcap.stream_reader import get_chunk_data_stream
 from zstandard import ZstdError
 
 from companion.record import schema
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
+_MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, time of the record, time of publishing
 _COMPRESSION: Final = b"\x04\0\0\0zstd"
 _BEFORE_COMPRESSION: Final = _RECORD.size + 28  # bytes of a chunk's record before the name of its compression
 _LARGEST_CHUNK: Final = 1 << 26  # bytes, unpacked; ours have 2^18
@@ -126,4 +127,23 @@ def _parsed(opcode: int, body: bytes) -> list[Any]:
     chunk = Chunk.read(stream)
     if chunk.uncompressed_size > _LARGEST_CHUNK:
         raise ValueError("a chunk too large to be one")
-    return breakup_chunk(chunk, validate_crc=True)
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    return _in_chunk(stream.read(size))
+
+
+def _in_chunk(data: bytes) -> list[Any]:
+    """Channels and messages of a chunk; a flight has half a million, which mcap's own reader takes ten seconds for."""
+    found, at = list[Any](), 0
+    while at + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, at)
+        at += _RECORD.size
+        if at + length > len(data):
+            raise ValueError("a record is longer than its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, at)
+            body = data[at + _MESSAGE.size : at + length]
+            found.append(Message(channel, log_time, body, publish_time, sequence))
+        elif opcode == Opcode.CHANNEL:
+            found.append(Channel.read(ReadDataStream(BytesIO(data[at : at + length]))))
+        at += length
+    return found
