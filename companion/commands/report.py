@@ -31,7 +31,10 @@ def parse(namespace: argparse.Namespace) -> Arguments:
 def run(arguments: Arguments) -> int:
     """Write the page. 0 done. Raises `CompanionError` for what cannot be read or written."""
     # numpy and the readers of logs: `--help` need not wait for them
-    from companion.report.page import LARGEST_BYTES, MOST_FLIGHTS, page  # noqa: PLC0415
+    try:
+        from companion.report.page import LARGEST_BYTES, MOST_FLIGHTS, page  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"a report needs {error.name}: pip install 'companion[report]'") from None
     from companion.report.reading import read  # noqa: PLC0415
 
     if len(arguments.flights) > MOST_FLIGHTS:
