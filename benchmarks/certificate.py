@@ -23,13 +23,13 @@ from companion.attitude_response.exact import decimal, interval
 from companion.attitude_response.kinds import FirstOrder
 from companion.attitude_response.response import AttitudeResponse
 from companion.certify.bandwidth import minimum_bandwidth, with_bandwidth
-from companion.certify.bisection import TOLERANCE
 from companion.certify.certificate import Scaling, certify
 from companion.certify.closed_loop import axis_vertices
 from companion.certify.falsify import unstable_bandwidth
 from companion.certify.polynomial.lifting import gram_null_space, lift, monomials
 from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import verify
+from companion.certify.search.bisection import TOLERANCE
 
 CASES = {"simulation": ("4", "1.8", "0.65", "5.5"), "rig": ("2.3", "0.55", "0.35", "3")}
 MARGIN = 1e-5  # plain cvxpy has no exact check: it must trust a margin

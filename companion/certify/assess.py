@@ -17,7 +17,6 @@ from companion.certify.bandwidth import (
     tuned_bandwidth,
     with_bandwidth,
 )
-from companion.certify.bisection import Certified
 from companion.certify.certificate import RAYS, certify
 from companion.certify.falsify import GROWTH_FLOOR, Counterexample, unstable_bandwidth, worst_switching
 from companion.certify.polynomial.polynomial_proof import MAX_DEGREE
@@ -25,6 +24,7 @@ from companion.certify.problem import AxisProblem, Problem
 from companion.certify.proof import longest_tick_s
 from companion.certify.sampling.held import grows
 from companion.certify.sampling.sampled import largest_adaptation_rate
+from companion.certify.search.bisection import Certified
 from companion.processes import Processes
 
 SEARCH_RAYS = (8, 16)  # of the searches over delay and reference model, for a response of many corners and of one

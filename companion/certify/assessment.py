@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from typing import NamedTuple
 
-from companion.certify.bisection import Certified
 from companion.certify.falsify import Counterexample
 from companion.certify.piecewise.sector_proof import DELAY, TICK
 from companion.certify.proof import longest_tick_s
+from companion.certify.search.bisection import Certified
 from companion.certify.statement import Json, problem_of
 
 

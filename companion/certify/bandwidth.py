@@ -17,12 +17,22 @@ from companion.attitude_response.exact import Interval
 from companion.attitude_response.kind import PLACES, ceiling
 from companion.attitude_response.realisation import ZERO
 from companion.attitude_response.response import AttitudeResponse
-from companion.certify.bisection import REACH, Attempt, Certified, Found, between, boundary, certified, first, rise
 from companion.certify.certificate import Scaling, prove
 from companion.certify.closed_loop import axis_channel, axis_vertices
 from companion.certify.piecewise.hold import TooSlowError
 from companion.certify.piecewise.sector_search import Active, believed
 from companion.certify.problem import AxisProblem
+from companion.certify.search.bisection import (
+    REACH,
+    Attempt,
+    Certified,
+    Found,
+    between,
+    boundary,
+    certified,
+    first,
+    rise,
+)
 
 _HELD_DELAY = (0.03, 2e-3)  # of the value: what the hold is first thought to cost, and to how much it is found
 _HELD_REFERENCE = (0.015, 1e-3)  # likewise

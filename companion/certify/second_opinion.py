@@ -21,8 +21,8 @@ from scipy.linalg import matrix_balance
 from companion.attitude_response.exact import NO_DELAY
 from companion.attitude_response.kind import PLACES, ceiling
 from companion.certify.bandwidth import minimum_bandwidth_by_rays, tuned_bandwidth, with_bandwidth
-from companion.certify.bisection import REACH
 from companion.certify.problem import AxisProblem
+from companion.certify.search.bisection import REACH
 
 SOLVER: Final = cp.SCS
 _ACCURACY: Final = 1e-7  # asked of the solver, in at most so many iterations: it needs more near the boundary alone

@@ -6,7 +6,7 @@ What the solver says is never asked: its numbers, rounded to rationals, are chec
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from companion.certify.piecewise.inequalities import Floats, Forms, Plan
 from companion.certify.piecewise.sectors import multipliers, pattern
+from companion.certify.search import conic
 
 _CAP: Final = 1.0  # of the margin: more means nothing
 _NEGATIVE: Final = 1e-6  # below minus this there is none
@@ -51,7 +52,7 @@ def solve(wanted: Plan, forms: Forms, chosen: Sequence[int]) -> Candidate | None
         columns, matrices = forms.matrices(inequality)
         if wanted.rays:
             columns = np.append(columns, entries + extra + number)
-            matrices = np.concatenate([matrices, _sign(matrices.shape[1])])
+            matrices = np.concatenate([matrices, sign_form(matrices.shape[1])[np.newaxis]])
         width = matrices.shape[1]
         blocks.semidefinite(first, columns, matrices, count)
         cones.append(clarabel.PSDTriangleConeT(width))
@@ -59,44 +60,12 @@ def solve(wanted: Plan, forms: Forms, chosen: Sequence[int]) -> Candidate | None
     matrix = sparse.csc_matrix(blocks.entries(), shape=(first, count + 1))
     linear = np.zeros(count + 1)
     linear[-1] = -1.0
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.chordal_decomposition_enable = False
-    settings.direct_solve_method = "faer"
-    none = sparse.csc_matrix((count + 1, count + 1))
     right = np.concatenate([offset, np.zeros(first - len(offset))])
-    solver = clarabel.DefaultSolver(none, linear, matrix, right, cones, settings)
-    interrupt = _Interrupt()
-    solver.set_termination_callback(interrupt.guarded(_is_decided))
-    solution = solver.solve()
-    interrupt.reraise()
+    solution = conic.solve(linear, matrix, right, cones, _is_decided, chordal_decomposition_enable=False)
     x = np.asarray(solution.x)
     if solution.iterations < _BEGUN or not np.all(np.isfinite(x)):
         return None
     return Candidate(x[: entries + extra], float(x[-1]))
-
-
-class _Interrupt:
-    """Clarabel swallows what its callback raises, Ctrl-C too: it is kept and raised after the solve."""
-
-    def __init__(self) -> None:
-        self._raised: BaseException | None = None
-
-    def guarded(self, decided: Callable[[Any], bool]) -> Callable[[Any], bool]:
-        def callback(info: Any) -> bool:
-            try:
-                return decided(info)
-            except BaseException as error:
-                self._raised = error
-                return True
-
-        return callback
-
-    def reraise(self) -> None:
-        if self._raised is not None:
-            raise self._raised
 
 
 def _is_decided(info: Any) -> bool:
@@ -145,7 +114,8 @@ class Blocks:
         self._values.append(values)
 
 
-def _sign(width: int) -> Floats:
-    matrix = np.zeros((1, width, width))
-    matrix[0, 0, 1] = matrix[0, 1, 0] = -1.0
+def sign_form(width: int) -> Floats:
+    """`-(b1 b2' + b2 b1')`, what a sign multiplier multiplies."""
+    matrix = np.zeros((width, width))
+    matrix[0, 1] = matrix[1, 0] = -1.0
     return matrix

@@ -11,10 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from companion.certify.piecewise.inequalities import Floats
-from companion.certify.piecewise.sector_solver import Blocks
+from companion.certify.piecewise.sector_solver import Blocks, sign_form
+from companion.certify.search import conic
 from companion.certify.tube.tube_forms import Plan
 
 _MARGIN = 1e-7  # least eigenvalue asked for: what rounding may take
+_SETTINGS: dict[str, Any] = {
+    "chordal_decomposition_enable": False,
+    "max_iter": 60,
+    "tol_gap_rel": 1e-3,
+    "tol_gap_abs": 1e-4,
+    "tol_feas": 1e-7,
+}
 
 
 class Candidate(NamedTuple):
@@ -49,7 +57,7 @@ def solve(wanted: Plan, rates: Floats, about: Candidate | None = None, trust: fl
     for number, form in enumerate(wanted.forms):
         width = form.matrices.shape[1]
         matrices, columns, offset = form.matrices, form.columns, -_MARGIN * np.eye(width)
-        more: list[tuple[int, Floats]] = [(known + number, _sign(width))]
+        more: list[tuple[int, Floats]] = [(known + number, sign_form(width))]
         if form.group < 0:
             offset = offset - np.outer(form.row, form.row)
         else:
@@ -70,33 +78,12 @@ def solve(wanted: Plan, rates: Floats, about: Candidate | None = None, trust: fl
     linear = np.zeros(count)
     linear[gain] = 1.0
     matrix = sparse.csc_matrix(blocks.entries(), shape=(len(right), count))
-    none = sparse.csc_matrix((count, count))
-    solution = clarabel.DefaultSolver(none, linear, matrix, np.array(right), cones, _settings(clarabel)).solve()
+    solution = conic.solve(linear, matrix, np.array(right), cones, **_SETTINGS)
     x = np.asarray(solution.x)
     if str(solution.status) not in ("Solved", "AlmostSolved") or not np.all(np.isfinite(x)) or x[gain] <= 0.0:
         return None
     moved = x[first_rate:gain] if about else 0.0
     return Candidate(x[:known], x[known:first_rate], rates + moved, float(x[gain]))
-
-
-def _settings(clarabel: Any) -> Any:
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.chordal_decomposition_enable = False
-    settings.direct_solve_method = "faer"
-    settings.max_iter = 60
-    settings.tol_gap_rel = 1e-3
-    settings.tol_gap_abs = 1e-4
-    settings.tol_feas = 1e-7
-    return settings
-
-
-def _sign(width: int) -> Floats:
-    matrix = np.zeros((width, width))
-    matrix[0, 1] = matrix[1, 0] = -1.0
-    return matrix
 
 
 def _corner(width: int) -> Floats:

@@ -75,6 +75,8 @@ def test_a_loop_that_is_unstable_has_no_margin() -> None:
 
 def test_ctrl_c_ends_it_although_the_solver_catches_it() -> None:
     code = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored where a shell started this behind it
         "import numpy as np\n"
         "import companion.certify.second_opinion as s\n"
         "s._ACCURACY, s._ITERATIONS = 1e-15, 10**7\n"
