@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -13,6 +13,15 @@ from companion.commands.options import ConfigFile
 from companion.config import Config, ConfigError
 from companion.record.folder import new_folder
 from sitl.experiment.against import TITLES, Compared, compare
+
+_STAIRS: Final = (
+    "RMS distance from the ideal reference, m: by the truth less its mean, and by the estimate",
+    ("truth along", "truth across", "estimate along", "estimate across"),
+)
+_PATH: Final = (
+    "Distance from the trajectory while it moves, m: horizontal but for the last column",
+    ("truth RMS", "truth peak", "estimate RMS", "truth RMS, height"),
+)
 
 
 class Arguments(NamedTuple):
@@ -49,34 +58,21 @@ def run(arguments: Arguments) -> int:
         print(json.dumps(report))
     else:
         console = Console()
-        console.print(_path_table(flown) if config.mission.trajectories else _table(flown))
+        console.print(_table(flown, *(_PATH if config.mission.trajectories else _STAIRS)))
         if figures:
             console.print(f"{len(figures)} figures and summary.json in [bold]{folder}[/bold]", soft_wrap=True)
     return 0 if all(c.scores is not None for c in flown) else 1
 
 
-def _table(flown: list[Compared]) -> Table:
-    table = Table(title="RMS distance from the ideal reference, m: by the truth less its mean, and by the estimate")
+def _table(flown: list[Compared], title: str, headings: tuple[str, ...]) -> Table:
+    """A row a controller, its scores in the order of the headings."""
+    table = Table(title=title)
     table.add_column("controller")
-    for heading in ("truth along", "truth across", "estimate along", "estimate across"):
-        table.add_column(heading, justify="right")
-    for c in flown:
-        name = TITLES[c.controller]
-        if c.scores is None:
-            table.add_row(name, f"[bold red]{c.reason}[/bold red]", *["-"] * 3)
-        else:
-            table.add_row(name, *(f"{value:.3f}" for value in c.scores))
-    return table
-
-
-def _path_table(flown: list[Compared]) -> Table:
-    table = Table(title="Distance from the trajectory while it moves, m: horizontal but for the last column")
-    table.add_column("controller")
-    for heading in ("truth RMS", "truth peak", "estimate RMS", "truth RMS, height"):
+    for heading in headings:
         table.add_column(heading, justify="right")
     for c in flown:
         if c.scores is None:
-            table.add_row(TITLES[c.controller], f"[bold red]{c.reason}[/bold red]", *["-"] * 3)
+            table.add_row(TITLES[c.controller], f"[bold red]{c.reason}[/bold red]", *["-"] * (len(headings) - 1))
         else:
             table.add_row(TITLES[c.controller], *(f"{value:.3f}" for value in c.scores))
     return table

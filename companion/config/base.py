@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Final
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from companion.config.numbers import kept
 
@@ -17,6 +18,11 @@ def _number(value: object) -> object:
     return value
 
 
+def _beside_the_config(path: Path, info: ValidationInfo) -> Path:
+    folder = (info.context or {}).get("folder", Path())
+    return Path(folder / path.expanduser()).absolute()
+
+
 NUMBER: Final = BeforeValidator(_number)
 """Behind a `Field` with bounds, which the documentation would not find before it."""
 
@@ -26,6 +32,7 @@ NonNegative = Annotated[float, Field(ge=0.0), NUMBER]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0), NUMBER]
 Priority = Annotated[int, Field(ge=0, le=99), NUMBER]
 Id = Annotated[int, Field(ge=1, le=255), NUMBER]
+FileBesideConfig = Annotated[Path, AfterValidator(_beside_the_config)]
 Vector = tuple[Number, Number, Number]
 
 

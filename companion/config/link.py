@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from companion.config.base import NUMBER, Id, Positive, Section
+from companion.config.base import NUMBER, FileBesideConfig, Id, Positive, Section
 
 
 class LinkSection(Section):
@@ -22,15 +21,9 @@ class LinkSection(Section):
     """The companion's own MAVLink system id, the vehicle's as a rule."""
     component_id: Id = 191
     """The companion's own MAVLink component id; 191 is MAV_COMP_ID_ONBOARD_COMPUTER."""
-    signing_key_file: Path | None = None
+    signing_key_file: FileBesideConfig | None = None
     """Key of MAVLink signing: a file of 32 bytes or 64 hexadecimal digits that not everybody may read. A relative path
     starts at the config's folder. Given, all that is sent is signed and only signed frames are believed."""
-
-    @field_validator("signing_key_file")
-    @classmethod
-    def _beside_the_config(cls, path: Path | None, info: ValidationInfo) -> Path | None:
-        folder = (info.context or {}).get("folder", Path())
-        return None if path is None else Path(folder / path.expanduser()).absolute()
 
 
 class TickSection(Section):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from companion.config.base import NUMBER, Number, Positive, Section, Vector
+from companion.config.base import NUMBER, FileBesideConfig, Number, Positive, Section, Vector
 from companion.config.mission.waypoint import Waypoint, check_order
 
 Heading = Literal["kept", "path"]
@@ -86,30 +85,20 @@ class ThroughSection(Section):
 class SamplesSection(Section):
     """Samples of a file: `time_s`, `x_m`, `y_m`, `z_m`, and perhaps velocities, accelerations and `yaw_deg`."""
 
-    file: Path
+    file: FileBesideConfig
     """CSV, or Parquet where pyarrow is installed; a relative path starts at the config's folder."""
     heading: Heading = "kept"
     """`kept`: that of `yaw_deg`. `path`: where the path goes."""
-
-    @field_validator("file")
-    @classmethod
-    def _absolute(cls, path: Path, info: ValidationInfo) -> Path:
-        return _from_folder(path, info)
 
 
 class PlanSection(Section):
     """Waypoints of a QGroundControl plan, the smoothest way through them. Relative: the first one is the origin.
     Absolute: the planned home is the local origin."""
 
-    file: Path
+    file: FileBesideConfig
     """A `.plan` file; a relative path starts at the config's folder."""
     heading: Heading = "kept"
     """`kept`: that of the waypoints. `path`: where the path goes."""
-
-    @field_validator("file")
-    @classmethod
-    def _absolute(cls, path: Path, info: ValidationInfo) -> Path:
-        return _from_folder(path, info)
 
 
 class TrajectorySection(Section):
@@ -160,8 +149,3 @@ class TrajectoryLimitsSection(Section):
     """Largest speed along a trajectory."""
     jerk_m_s3: Positive = 20.0
     """[m/s3] Largest jerk along a trajectory."""
-
-
-def _from_folder(path: Path, info: ValidationInfo) -> Path:
-    folder = (info.context or {}).get("folder", Path())
-    return Path(folder / path.expanduser()).absolute()
