@@ -25,7 +25,7 @@ from companion.config import Config, load_config
 from companion.config.guards.rows import Reason
 from companion.control.types import AttitudeSetpoint, Odometry
 from companion.flight.guards import table
-from companion.flight.guards.measures import Told
+from companion.flight.guards.look import Told
 from companion.flight.guards.table import WATCHED
 from companion.flight.guards.watch import Watch
 from companion.flight.pilot.pilot import Pilot

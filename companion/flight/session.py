@@ -14,7 +14,7 @@ from companion.flight.guards import table as guards
 from companion.flight.guards.backlog import Backlog
 from companion.flight.guards.blindness import Blindness
 from companion.flight.guards.freshness import Freshness
-from companion.flight.guards.measures import Told
+from companion.flight.guards.look import Told
 from companion.flight.guards.settling import Settling
 from companion.flight.guards.watch import Watch
 from companion.flight.host.clock import Clock, Wall

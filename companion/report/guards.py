@@ -17,7 +17,7 @@ from companion.config.controller import interval
 from companion.config.guards.rows import GUARDS, Reason
 from companion.flight.guards import table
 from companion.flight.guards.attitude_response import ends
-from companion.flight.guards.measures import PERIOD_S
+from companion.flight.guards.look import PERIOD_S
 from companion.report.model import Array, Nearness
 
 _ON_BOUND = 1e-6  # of a bound's width

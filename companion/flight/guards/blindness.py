@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from companion.config.guards.rows import GUARDS, Reason
 from companion.config.schema import Config
-from companion.flight.guards.measures import MEASURES, Told
+from companion.flight.guards.look import Told
+from companion.flight.guards.measures import MEASURES
 from companion.flight.guards.table import Limits
 
 

@@ -9,22 +9,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 from companion.config.attitude import link_share_s
-from companion.config.base import Vector
 from companion.config.estimator import PRESETS
 from companion.config.guards.rows import Reason
 from companion.config.mission.identifying import LINK_DELAY_S
 from companion.config.schema import Config
 from companion.control import attitude
-from companion.control.position import PositionOutput
-from companion.control.types import GRAVITY_M_S2, AttitudeSetpoint, Jump, Odometry
+from companion.control.types import GRAVITY_M_S2
 from companion.flight.guards.attitude_response import ResponseBand, ends
-from companion.flight.guards.propagation import LONG_S, Disagreement
+from companion.flight.guards.look import PERIOD_S, Look, Measure, Measured, Told, stateless
+from companion.flight.guards.propagation import LONG_S
 
-PERIOD_S: Final = 0.02  # from one look to the next
 _SATURATION_S: Final = 1.0  # over which its share is taken
 _LIFT_S: Final = 1.0  # and the average of the thrust
 _CARRIED_RAD_S: Final = 5.0
@@ -32,58 +29,6 @@ _CARRIED_BLEND: Final = 1.0 - math.exp(-_CARRIED_RAD_S * PERIOD_S)
 _RATE_WINDOW: Final = 26  # looks, half a second
 _RATE_TOLERANCE: Final = 1.01  # how well a rate is known
 _DEVIATIONS: Final = 6.0  # that an estimator may slide by; east of north by GPS they are five
-
-
-class Told(NamedTuple):
-    """What the vehicle and the link last told beside the pose; not a number where it is not told any more."""
-
-    missing_flags: float = math.nan  # of the solutions that are needed, how many the estimator does not have
-    variance_ned_m2: Vector = (math.nan, math.nan, math.nan)
-    resets_counted: bool = False  # whether the pose tells of the estimator's resets
-    round_trip_s: float = math.nan
-    jitter_s: float = math.nan
-    clock_rate: float = math.nan  # seconds of the vehicle in one of ours
-
-
-class Look(NamedTuple):
-    """What is known at a look, in control."""
-
-    sample: Odometry
-    setpoint: AttitudeSetpoint
-    told: Told
-    began: Odometry  # the sample at which control began
-    offset_ned_m: Vector  # from where it began, resets of the estimator counted out
-    apart: Disagreement  # of position, velocity, and what attitude and thrust make of them
-    steps_m: float  # of the position within a minute, in all
-    stopped_s: tuple[float, ...]  # for how long each quantity has not changed, as `stuck.NAMES`
-    thrust_ned: Vector  # direction of the thrust, and the one wanted: unit vectors
-    wanted_thrust_ned: Vector
-    poses: int  # so far that were not the one before
-    output: PositionOutput  # of the controller
-    hover_thrust: float  # normalised, as the controller believes it
-    weights_on_bound: int
-    tracking_error_m: float
-    elapsed_s: float  # in control
-    jumped: Jump | None  # of the estimate since the look before
-
-
-Measure = Callable[[Look], float]
-
-
-class Measured(NamedTuple):
-    """What a guard needs beside its row: its measure, made for one flight, and where they are not the usual ones
-
-    `limit`, in our unit, for a limit that does not stand in its section, and `blind`, whether it cannot see.
-    """
-
-    measure: Callable[[Config], Measure] | None = None
-    limit: Callable[[Config], float] | None = None
-    blind: Callable[[Config, Told], bool] | None = None
-
-
-def stateless(measure: Measure) -> Callable[[Config], Measure]:
-    """A measure that is the same for every flight."""
-    return lambda _: measure
 
 
 # --- where the estimator thinks the vehicle is ------------------------------------------------------------------------

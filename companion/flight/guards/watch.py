@@ -12,7 +12,8 @@ from companion.control.types import AttitudeSetpoint, Jump, Odometry
 from companion.flight.guards import propagation, stuck
 from companion.flight.guards import table as guards
 from companion.flight.guards.estimator import Steps, length_m
-from companion.flight.guards.measures import MEASURES, PERIOD_S, Look, Measure, Told
+from companion.flight.guards.look import PERIOD_S, Look, Measure, Told
+from companion.flight.guards.measures import MEASURES
 from companion.flight.guards.propagation import Propagation
 from companion.flight.guards.stuck import Stopped
 from companion.flight.guards.table import CLEAR, WATCHED, Limits

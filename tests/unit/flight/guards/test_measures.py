@@ -10,7 +10,7 @@ from companion.config.guards.rows import GUARDS, Reason
 from companion.control.types import AttitudeSetpoint, Jump, Odometry
 from companion.flight.guards import table
 from companion.flight.guards.blindness import Blindness
-from companion.flight.guards.measures import PERIOD_S, Told
+from companion.flight.guards.look import PERIOD_S, Told
 from companion.flight.guards.table import WATCHED
 from companion.flight.guards.watch import Watch
 from companion.flight.pilot.pilot import Pilot

@@ -14,7 +14,7 @@ from companion.config.guards.rows import Reason
 from companion.control.types import Odometry
 from companion.flight.guards import propagation, stuck, table
 from companion.flight.guards.estimator import jump
-from companion.flight.guards.measures import PERIOD_S
+from companion.flight.guards.look import PERIOD_S
 from companion.flight.guards.propagation import Disagreement
 from companion.flight.vehicle_link.odometry import PoseSource
 from companion.mavlink.codec import Frame
