@@ -10,14 +10,17 @@ from sitl.scenarios.run import Happening
 
 QUADROTOR: Final = "px4_quadrotor.yaml"
 RIG: Final = "antx_rig.yaml"
+PLAIN_ADAPTATION: Final = (
+    "controller.estimate_correction=null",
+    "controller.axes.x.lyapunov_q=[1, 1]",
+    "controller.axes.y.lyapunov_q=[1, 1]",
+    "controller.bias.adaptation_rate.hedged=3",
+)
+"""Overrides of the quadrotor: as if nothing were wrong with an estimate."""
 BY_A_TRUE_ESTIMATE: Final = {
-    QUADROTOR: (
-        "plant.sensors=null", "estimator=null", "controller.estimate_correction=null",
-        "controller.axes.x.lyapunov_q=[1, 1]", "controller.axes.y.lyapunov_q=[1, 1]",
-        "controller.bias.adaptation_rate.hedged=3",
-    ),
+    QUADROTOR: ("plant.sensors=null", "estimator=null", *PLAIN_ADAPTATION),
     RIG: (),
-}  # fmt: skip
+}
 """What is overridden of a base: an estimator's own error would hide what a scenario brings about."""
 
 

@@ -16,16 +16,13 @@ from harness.processes import PATIENCE_S, ROOT
 
 from companion.config import load_config
 from sitl.experiment.against import CONTROLLERS, fly_against
+from sitl.scenarios.scenario import PLAIN_ADAPTATION
 
 QUADROTOR = ROOT / "config" / "px4_quadrotor.yaml"
 GPS = (
     "plant.sensors={preset: gps}",
     "mission={duration_s: 20, waypoints: [{at_s: 4, offset_ned_m: [0.5, 0, 0]}, {at_s: 12, offset_ned_m: [0, 0, 0]}]}",
 )
-PLAIN = (  # as if nothing were wrong with the estimate
-    "controller.estimate_correction=null", "controller.axes.x.lyapunov_q=[1, 1]",
-    "controller.axes.y.lyapunov_q=[1, 1]", "controller.bias.adaptation_rate.hedged=3",
-)  # fmt: skip
 FIELDS = {"truth_rms_along_m", "truth_rms_across_m", "estimate_rms_along_m", "estimate_rms_across_m"}
 
 
@@ -47,7 +44,7 @@ def distance(controller: str, folder: Path, *overrides: str) -> float:
 @pytest.mark.slow
 def test_with_gps_the_corrected_estimate_is_nearer_to_the_truth_than_px4_and_than_the_plain_one(tmp_path: Path) -> None:
     px4 = distance("px4", tmp_path / "a")
-    plain = distance("hedged", tmp_path / "b", *PLAIN)
+    plain = distance("hedged", tmp_path / "b", *PLAIN_ADAPTATION)
     corrected = distance("hedged", tmp_path / "c")
     assert corrected < 0.6 * px4
     assert corrected < 0.6 * plain

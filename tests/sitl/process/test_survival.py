@@ -6,10 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,6 +14,7 @@ from harness.cable import Cable
 from harness.fake_autopilot import HOLD, odometry
 from harness.ground_station import tlog
 from harness.processes import RIG, ROOT, Process, end_of, eventually, folder_of, line_with, served, start, stop
+from harness.small_disk import small_disk
 from harness.two_processes import ENDLESS, SHORT, check_flight, engaged, flying_over
 from harness.virtual_flight import flown
 
@@ -85,21 +83,6 @@ def writer_of(pid: int) -> int:
     return int(child)
 
 
-@contextmanager
-def small_disk() -> Iterator[Path]:
-    """A file system of a few pages, where we may mount one."""
-    with tempfile.TemporaryDirectory() as name:
-        mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", name], capture_output=True, check=False
-        )
-        if mounted.returncode != 0:
-            pytest.skip("no right to mount a small disk")
-        try:
-            yield Path(name)
-        finally:
-            subprocess.run(["umount", name], check=True)
-
-
 def assert_flown_without_its_log(run: Process) -> None:
     out, err = end_of(run)
     assert run.returncode == 0, err
@@ -110,7 +93,7 @@ def assert_flown_without_its_log(run: Process) -> None:
 
 @pytest.mark.realtime
 def test_a_full_disk_ends_the_log_and_not_the_flight() -> None:
-    with served() as port, small_disk() as disk:
+    with served() as port, small_disk("64k") as disk:
         run = start(
             "run",
             RIG,

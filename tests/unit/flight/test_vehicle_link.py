@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
@@ -133,14 +132,6 @@ def test_somebody_else_who_flies_the_vehicle_is_recognised(frame: bytes, expecte
 
 
 # --- the key --------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def key_file(tmp_path: Path) -> str:
-    path = tmp_path / "key"
-    path.write_bytes(KEY)
-    path.chmod(0o600)
-    return f"link.signing_key_file={path}"
 
 
 def test_with_a_key_only_what_it_signed_is_believed_and_only_once(key_file: str) -> None:

@@ -23,14 +23,6 @@ from companion.mavlink.signing import Signing
 HOLD = 4 << 16 | 3 << 24
 
 
-@pytest.fixture
-def key_file(tmp_path: Path) -> str:
-    path = tmp_path / "key"
-    path.write_bytes(KEY)
-    path.chmod(0o600)
-    return f"link.signing_key_file={path}"
-
-
 # --- recordings -----------------------------------------------------------------------------------------------------
 
 

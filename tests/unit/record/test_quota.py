@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from harness.processes import eventually
+from harness.small_disk import small_disk
 
 from companion.config import load_config
 from companion.record.folder import open_folder
@@ -112,22 +109,8 @@ def test_a_flight_makes_room_for_itself_and_ends_its_log_where_it_cannot(
     assert [event.name for event in read_flight(current).events] == ["released_operator"]
 
 
-@contextmanager
-def disk(size: str) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory() as name:
-        mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", name], capture_output=True, check=False
-        )
-        if mounted.returncode != 0:
-            pytest.skip("no right to mount a small disk")
-        try:
-            yield Path(name)
-        finally:
-            subprocess.run(["umount", name], check=True)
-
-
 def test_free_space_is_kept_for_others() -> None:
-    with disk("40m") as parent:
+    with small_disk("40m") as parent:
         for number in (1, 2, 3):
             flight(parent, day(number), 8.0)
         current = flight(parent, day(4))
