@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from companion.config import Config
 from companion.record.reader import Flight
+from sitl.experiment.figure_style import BLUE, CONTROLLERS, GREEN, RED, STYLE
 from sitl.metrics import in_control, tracking_error_m
 
-_COMMAND, _IDEAL, _HEDGED, _MEASURED = "0.55", "tab:blue", "tab:green", "tab:red"
-_STYLE: Any = {"font.size": 11, "axes.grid": True, "grid.alpha": 0.35, "legend.framealpha": 0.9, "figure.dpi": 140}
+_COMMAND, _IDEAL, _HEDGED, _MEASURED = "0.55", BLUE, GREEN, RED
 TITLES = {"hedged": "Proposed (hedged MRAC)", "standard": "Standard MRAC"}
 
 
@@ -40,7 +40,7 @@ def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path,
     ticks = _drawn(flight)
     t = ticks["time_s"] - ticks["time_s"][0]
     hedged, letter = controller == "hedged", "xy"[axis]
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, panels = plt.subplots(
             3 if with_velocity else 2, 1, sharex=True, figsize=(9, 7 if with_velocity else 5.6)
         )
@@ -70,9 +70,8 @@ def draw_axis(flight: Flight, axis: int, controller: str, name: str, path: Path,
 
 def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> None:
     """Both controllers over the same stairs: x position, and the tracking error of (26) or (29)."""
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6))
-        colours = {"hedged": _HEDGED, "standard": _MEASURED}
         for controller, flight in flights.items():
             ticks = _drawn(flight)
             t = ticks["time_s"] - ticks["time_s"][0]
@@ -82,8 +81,8 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
             error = ticks["position_m"] - ticks["ideal_position_m"]
             distance = np.abs(error[:, 0]) if config.vehicle_kind.one_axis else np.hypot(error[:, 0], error[:, 1])
             label = f"{TITLES[controller]}: RMS {1e3 * np.sqrt(np.mean(distance**2)):.1f} mm"
-            above.plot(t, ticks["position_m"][:, 0], color=colours[controller], lw=1.3, label=TITLES[controller])
-            below.plot(t, 1e3 * distance, color=colours[controller], lw=1.3, label=label)
+            above.plot(t, ticks["position_m"][:, 0], color=CONTROLLERS[controller], lw=1.3, label=TITLES[controller])
+            below.plot(t, 1e3 * distance, color=CONTROLLERS[controller], lw=1.3, label=label)
         above.set_ylabel("position x [m]")
         below.set_ylabel("tracking error [mm]")
         below.set_xlabel("time [s]")
@@ -98,9 +97,8 @@ def draw_comparison(flights: dict[str, Flight], config: Config, path: Path) -> N
 
 def draw_free_flight(flights: dict[str, Flight], config: Config, path: Path) -> None:
     """North, east and altitude against the target, and the tracking error in space, of every controller."""
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, panels = plt.subplots(4, 1, sharex=True, figsize=(9, 9))
-        colours = {"hedged": _HEDGED, "standard": _MEASURED}
         for controller, flight in flights.items():
             ticks = _drawn(flight)
             t = ticks["time_s"] - ticks["time_s"][0]
@@ -110,12 +108,12 @@ def draw_free_flight(flights: dict[str, Flight], config: Config, path: Path) -> 
                         t, sign * ticks["target_ned_m"][:, place], color=_COMMAND, lw=1.2, ls="--", label="target"
                     )
                 panel.plot(
-                    t, sign * ticks["position_ned_m"][:, place], color=colours[controller], lw=1.3,
+                    t, sign * ticks["position_ned_m"][:, place], color=CONTROLLERS[controller], lw=1.3,
                     label=TITLES[controller],
                 )  # fmt: skip
             distance = tracking_error_m(config, ticks)
             label = f"{TITLES[controller]}: RMS {1e3 * np.sqrt(np.mean(distance**2)):.0f} mm"
-            panels[3].plot(t, 1e3 * distance, color=colours[controller], lw=1.3, label=label)
+            panels[3].plot(t, 1e3 * distance, color=CONTROLLERS[controller], lw=1.3, label=label)
         for panel, text in zip(
             panels, ("north [m]", "east [m]", "altitude [m]", "off its reference [mm]"), strict=True
         ):

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sitl.experiment.against import TITLES, Track
+from sitl.experiment.figure_style import CONTROLLERS, STYLE
 
-_STYLE: Any = {"font.size": 11, "axes.grid": True, "grid.alpha": 0.35, "legend.framealpha": 0.9, "figure.dpi": 140}
-_COLOURS: Final = {"hedged": "tab:green", "standard": "tab:red", "px4": "tab:blue"}
 _BINS: Final = 8
 
 
@@ -24,7 +23,7 @@ def draw_path_figures(tracks: dict[str, Track], folder: Path) -> list[Path]:
     if not tracks:
         return []
     written = []
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         for name, draw, size in (
             ("path_from_above", _from_above, (9.0, 4.4)),
             ("error_over_time", _over_time, (9.0, 4.5)),
@@ -56,7 +55,7 @@ def _from_above(axes: Any, tracks: dict[str, Track]) -> None:
     axes.plot(wanted[:, 0], wanted[:, 1], color="0.75", lw=6.0, solid_capstyle="round", label="trajectory")
     for controller, track in reversed(tracks.items()):  # ours on top
         at = track.truth_ned_m[_moving(track)] - track.wanted_ned_m[0]
-        axes.plot(at[:, 0], at[:, 1], color=_COLOURS[controller], lw=1.1, alpha=0.85, label=TITLES[controller])
+        axes.plot(at[:, 0], at[:, 1], color=CONTROLLERS[controller], lw=1.1, alpha=0.85, label=TITLES[controller])
     axes.set_aspect("equal")
     axes.set_xlabel("north [m]")
     axes.set_ylabel("east [m]")
@@ -69,7 +68,7 @@ def _over_time(axes: Any, tracks: dict[str, Track]) -> None:
         error = _error_m(track)
         rms = np.sqrt(np.mean(error[_moving(track)] ** 2))
         label = f"{TITLES[controller]}: RMS {rms:.3f} m"
-        axes.plot(track.time_s, error, color=_COLOURS[controller], lw=1.2, label=label)
+        axes.plot(track.time_s, error, color=CONTROLLERS[controller], lw=1.2, label=label)
     axes.set_xlabel("time in control [s]")
     axes.set_ylabel("distance from the trajectory [m]")
     axes.set_ylim(0.0, 1.25 * axes.get_ylim()[1])  # room for the legend
@@ -87,7 +86,7 @@ def _over_speed(axes: Any, tracks: dict[str, Track]) -> None:
         known = [k for k in range(_BINS) if np.any(places == k)]
         rms = [float(np.sqrt(np.mean(error[places == k] ** 2))) for k in known]
         middle = [0.5 * (edges[k] + edges[k + 1]) for k in known]
-        axes.plot(middle, rms, "o-", color=_COLOURS[controller], lw=1.4, label=TITLES[controller])
+        axes.plot(middle, rms, "o-", color=CONTROLLERS[controller], lw=1.4, label=TITLES[controller])
     axes.set_xlabel("speed of the trajectory [m/s]")
     axes.set_ylabel("RMS distance [m]")
     axes.set_ylim(bottom=0.0)
