@@ -28,7 +28,7 @@ class Limit(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Quantities of one unit over one time base, seconds from where control began.
+    """Quantities of one unit over one time base, seconds from `Report.zero`.
 
     `kind`: "lines", or "heat" for shares of limits. `band`: places in `series` of its upper and lower edge.
     """
@@ -44,7 +44,7 @@ class Panel(NamedTuple):
 
 
 class Happened(NamedTuple):
-    """An event, seconds from where control began."""
+    """An event, seconds from `Report.zero`."""
 
     time_s: float
     name: str
@@ -72,7 +72,10 @@ class Path3(NamedTuple):
 
 
 class Report(NamedTuple):
-    """One flight. `verdict`: paragraphs of (heading, lines); `facts`: for the comparison, (name, value, unit)."""
+    """One flight. `verdict`: paragraphs of (heading, lines); `facts`: for the comparison, (name, value, unit).
+
+    `zero`: in words, from where its time counts.
+    """
 
     name: str
     kind: str
@@ -83,3 +86,4 @@ class Report(NamedTuple):
     events: tuple[Happened, ...]
     guards: tuple[Nearness, ...] = ()
     missing: tuple[str, ...] = ()
+    zero: str = "where control began"

@@ -57,6 +57,7 @@ def _flight(report: Report, points: int) -> dict[str, Any]:
         "guards": [(g.guard, _number(g.share), round(g.time_s, 2), _number(g.value), _number(g.limit), g.unit)
                    for g in report.guards],
         "missing": report.missing,
+        "zero": report.zero,
     }  # fmt: skip
 
 

@@ -69,7 +69,9 @@ def read(path: Path) -> Report:
         ("Missing", tuple(missing)),
     )
     facts = (("length of the log", last_s, "s"),)
-    return Report(path.name, "PX4 ULog", verdict, facts, tuple(panels), path3, events, (), tuple(missing))
+    return Report(
+        path.name, "PX4 ULog", verdict, facts, tuple(panels), path3, events, (), tuple(missing), "the log's beginning"
+    )
 
 
 def _vector(log: UlogTopics, topic: str, fields: str) -> Array:

@@ -1,6 +1,6 @@
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
-const flights = data.flights, main = document.getElementById("main"), root = document.documentElement;
+const flights = data.flights, zero = [...new Set(data.flights.map((f) => f.zero))].join(" or "), main = document.getElementById("main"), root = document.documentElement;
 main.style.setProperty("--flights", flights.length);
 const el = (tag, attributes = {}, ...children) => {
   const made = document.createElement(tag);
@@ -57,7 +57,7 @@ if (paths.some(Boolean)) {
     return el("figure", { class: "panel", "data-panel": "path" }, el("figcaption", {}, "Path in space; the stick is the thrust's direction"), canvas, el("p", { class: "kind where", role: "status" }));
   }));
   const play = el("button", { type: "button", id: "play", "aria-pressed": "false" }, "Play");
-  const slider = el("input", { type: "range", id: "slider", min: began, max: ended, step: 0.05, value: began, "aria-label": "Time of the replay, seconds from where control began" });
+  const slider = el("input", { type: "range", id: "slider", min: began, max: ended, step: 0.05, value: began, "aria-label": "Time of the replay, seconds from " + zero });
   const speed = el("select", { "aria-label": "Speed of the replay" }, ...[1, 4, 16].map((n) => el("option", { value: n }, n + " ×")));
   main.append(el("div", { class: "replay" }, play, slider, speed));
   now = began;
@@ -170,7 +170,7 @@ function plotIn(host, panel) {
   const plot = new uPlot({
     width: host.clientWidth, height, pxAlign: 0,
     scales: { x: { time: false, range: (u, a, b) => [a ?? whole[0], b ?? whole[1]] }, y: { range: () => [low, high] } },
-    axes: [{ stroke, grid, label: "time from where control began, s", labelSize: 18, size: 34, font: "11px system-ui", labelFont: "12px system-ui" }, y],
+    axes: [{ stroke, grid, label: `time from ${zero}, s`, labelSize: 18, size: 34, font: "11px system-ui", labelFont: "12px system-ui" }, y],
     series: [{ label: "s", value }, ...panel.labels.map((label, k) => heat
       ? { label, value, scale: "share", paths: () => null, points: { show: false } }
       : { label, value, stroke: () => colour(panel.roles[k]), width: panel.roles[k] === "band" ? 0.5 : 1.5, dash: dashes[panel.roles[k]], points: { show: false }, spanGaps: false })],
